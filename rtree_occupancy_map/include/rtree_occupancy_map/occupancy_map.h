@@ -1,0 +1,166 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// Variable resolution 3D occupancy map (chapter 2): cuboids of equal log odds in an R-tree.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <unordered_map>
+#include <vector>
+
+#include "rtree_occupancy_map/cell.h"
+#include "rtree_occupancy_map/options.h"
+#include "rtree_occupancy_map/rtree.h"
+
+namespace rtree_occupancy_map {
+
+/// The edge in voxels of the blocks that the map is updated, fused and reported by; no cell crosses a block's border.
+constexpr int kBlockBits = 5;
+constexpr int kBlockSize = 1 << kBlockBits;
+
+/// Block coordinates: the block holds voxels block * kBlockSize to (block + 1) * kBlockSize, exclusive.
+using Block = std::array<int, 3>;
+
+/// One scan in the map frame, metres.
+struct Scan {
+  Eigen::Vector3f origin = Eigen::Vector3f::Zero();  ///< where the beams start
+  std::vector<Eigen::Vector3f> hits;                 ///< where they were reflected; non-finite points are counted, not used
+  std::vector<float> reflectivity;                   ///< empty, or one value for each hit
+  std::vector<Eigen::Vector3f> misses;               ///< ends of beams without a return: they only clear
+};
+
+/// What insertScan did.
+struct InsertReport {
+  std::size_t hits = 0;           ///< points that ended in a voxel
+  std::size_t non_finite = 0;     ///< points left out: NaN or infinite
+  std::size_t too_near = 0;       ///< points left out: nearer than min_range
+  std::size_t beyond_range = 0;   ///< points cut at max_range
+  std::size_t outside = 0;        ///< points left out: outside of the voxel coordinates
+  std::vector<Block> changed_blocks;  ///< where any voxel's log odds changed
+};
+
+enum class VoxelState { kUnknown, kFree, kOccupied };
+
+struct RayHit {
+  enum class Result {
+    kOccupied,   ///< `cell` is the occupied cell that the ray ends at
+    kUnknown,    ///< the ray leaves known space here, and unknown space was not to be ignored
+    kNothing     ///< no occupied cell within the range
+  };
+  Result result = Result::kNothing;
+  Eigen::Vector3d point = Eigen::Vector3d::Zero();  ///< m, where the ray ends
+  Cell cell;
+};
+
+struct Statistics {
+  std::size_t cells = 0, occupied_cells = 0, free_cells = 0;
+  double occupied_volume = 0.0, free_volume = 0.0;  ///< m^3
+  std::size_t nodes = 0;                            ///< of the R-tree, of all levels
+  int height = 0;
+  std::size_t memory_bytes = 0;  ///< R-tree and index; the buffers of an insertion are not in it
+};
+
+class OccupancyMap {
+ public:
+  /// @throws std::invalid_argument as Options::validate
+  explicit OccupancyMap(const Options& options = {});
+  OccupancyMap(OccupancyMap&&) noexcept;
+  OccupancyMap& operator=(OccupancyMap&&) noexcept;
+  ~OccupancyMap();
+
+  const Options& options() const { return options_; }
+  const RTree& tree() const { return tree_; }
+
+  /// Changes the range limits of Options for the scans to come (m). @throws std::invalid_argument as Options::validate
+  void setRange(double min_range, double max_range);
+
+  /// Updates every voxel that the scan touches once (Eq. 2.7), an end point before a crossing beam, and fuses.
+  /// Beams run to the centre of the voxel that they end in.
+  /// @throws std::invalid_argument if the origin is non-finite or outside of the map's coordinates, or if the
+  ///   reflectivities don't match the hits; the map is then unchanged
+  InsertReport insertScan(const Scan& scan);
+
+  void clear();
+
+  /// Makes all known voxels in the box (m) free. @return the blocks that changed
+  std::vector<Block> clearBox(const Eigen::Vector3d& min, const Eigen::Vector3d& max);
+
+  // -------------------------------------------------------------------------------------------------- queries
+
+  /// The cell at a point (m); none where space is unknown.
+  std::optional<Cell> cellAt(const Eigen::Vector3d& point) const;
+  std::optional<Cell> cellAt(const Voxel& voxel) const;
+  VoxelState stateAt(const Eigen::Vector3d& point) const;
+
+  /// Calls `visit(cell)` for each cell that overlaps the box (m), until it returns false.
+  template <class Visit>
+  void visitBox(const Eigen::Vector3d& min, const Eigen::Vector3d& max, Visit&& visit) const {
+    tree_.visitOverlapping(boxOf(min, max), visit);
+  }
+  template <class Visit>
+  void visitBlock(const Block& block, Visit&& visit) const {
+    tree_.visitOverlapping(boxOf(block), visit);
+  }
+  /// Calls `visit(cell)` for each occupied cell, until it returns false; free cells are not touched.
+  template <class Visit>
+  void visitOccupied(Visit&& visit) const {
+    tree_.visitOccupied(visit);
+  }
+
+  /// Follows a ray. With ignore_unknown it passes through unknown space, otherwise it ends there.
+  /// @param direction of any length, not zero
+  /// @param max_range m
+  /// @throws std::invalid_argument on a direction of no length or non-finite input
+  RayHit castRay(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction, double max_range,
+                 bool ignore_unknown = true) const;
+
+  /// The k occupied cells nearest to a point (m), by distance to the cuboid, nearest first.
+  std::vector<Cell> nearestOccupied(const Eigen::Vector3d& point, std::size_t k) const;
+
+  Statistics statistics() const;
+
+  // ---------------------------------------------------------------------------------------------- conversions
+
+  bool isOccupied(const Cell& cell) const { return cell.log_odds >= options_.tree.occupied_log_odds; }
+  static double probability(float log_odds);
+  Eigen::Vector3d minCorner(const VoxelBox& box) const;  ///< m
+  Eigen::Vector3d maxCorner(const VoxelBox& box) const;  ///< m
+  Eigen::Vector3d center(const VoxelBox& box) const { return 0.5 * (minCorner(box) + maxCorner(box)); }
+  /// The voxels that the box (m) touches, cut to the map's coordinates.
+  VoxelBox boxOf(const Eigen::Vector3d& min, const Eigen::Vector3d& max) const;
+  static VoxelBox boxOf(const Block& block);
+  static Block blockOf(const Voxel& voxel) {
+    return {voxel[0] >> kBlockBits, voxel[1] >> kBlockBits, voxel[2] >> kBlockBits};
+  }
+
+  // ---------------------------------------------------------------------------------------------------- files
+
+  /// Writes to a temporary name beside `path` and renames. @throws std::runtime_error with the reason
+  void save(const std::string& path) const;
+  /// @throws std::runtime_error that says what is wrong with the file: foreign, another version, truncated, corrupted
+  static OccupancyMap load(const std::string& path);
+
+ private:
+  using Rows = std::array<std::uint32_t, kBlockSize * kBlockSize>;
+
+  struct Insertion;
+
+  void rasterize(const Scan& scan, InsertReport& report);
+  bool changesNothing(const Block& block, std::uint32_t slot) const;
+  void loadBlock(const Block& block);
+  void storeBlock(const Block& block);
+  void indexBlock(const Block& block);
+
+  Options options_;
+  RTree tree_;
+  // Beside the tree: the voxels at the lower clamping threshold, for blocks that have many of them. A beam through
+  // them changes nothing, and most of what a scan crosses is such.
+  std::unordered_map<std::uint64_t, std::unique_ptr<Rows>> settled_free_;
+  std::unique_ptr<Insertion> insertion_;
+};
+
+}  // namespace rtree_occupancy_map

@@ -1,0 +1,204 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// R-tree of order (d, M) over grid cells (section 2.4; Guttman 1984). Besides Guttman's insertion and deletion it
+// can replace all cells of a box at once, which is how a scan enters: the leaves of the box are packed anew and only
+// leaves, not cells, climb the hierarchy.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "rtree_occupancy_map/cell.h"
+
+namespace rtree_occupancy_map {
+
+enum class SplitMethod {
+  kQuadratic,  ///< Guttman's quadratic split, the thesis's choice
+  kLinear,     ///< Guttman's linear split
+  kRStar       ///< the split of the R*-tree (Beckmann et al. 1990), without its forced re-insertion
+};
+
+struct RTreeOptions {
+  int min_entries = 6;   ///< d, 1 to M / 2: least number of entries of a node that is not the root
+  int max_entries = 16;  ///< M, 2 to 256: greatest number of entries of a node
+  SplitMethod split = SplitMethod::kQuadratic;
+  float occupied_log_odds = 0.0F;  ///< cells from here up count as occupied: see visitOccupied
+  bool store_reflectivity = false;  ///< otherwise the cells' reflectivity is dropped, which saves 8 bytes a cell
+
+  /// @throws std::invalid_argument that names the parameter, its value and the allowed range
+  void validate() const;
+};
+
+class RTree {
+ public:
+  /// @throws std::invalid_argument as RTreeOptions::validate
+  explicit RTree(const RTreeOptions& options = {});
+  RTree(RTree&&) noexcept;
+  RTree& operator=(RTree&&) noexcept;
+  ~RTree();
+
+  const RTreeOptions& options() const { return options_; }
+
+  /// Least expansion on the way down, ties by the smaller volume; a full node is split.
+  void insert(const Cell& cell);
+
+  /// Removes the cell with exactly this box; nodes that fall below d dissolve and their entries are inserted again.
+  /// @return false where there is none
+  bool erase(const VoxelBox& box);
+
+  /// Puts `cells` in the place of all cells that are contained in `region`. Cells that merely overlap it stay.
+  /// Neighbours in `cells` share leaves: order them by place.
+  void replace(const VoxelBox& region, const std::vector<Cell>& cells);
+
+  /// Replaces the whole content, packed along a Z-order curve.
+  void bulkLoad(std::vector<Cell> cells);
+
+  void clear();
+
+  std::size_t size() const { return num_cells_; }       ///< cells
+  std::size_t numNodes() const { return num_nodes_; }   ///< nodes of all levels, leaves and root included
+  int height() const { return node(root_)->level + 1; }      ///< 1: the root is a leaf
+  std::size_t memoryUsage() const;                      ///< bytes
+  VoxelBox bounds() const;                              ///< tight; VoxelBox::empty() without cells
+
+  /// Depth first over the nodes and cells whose boxes pass `enter(box)`; `visit(cell)` returns false to stop.
+  /// @return false if it was stopped
+  template <class Enter, class Visit>
+  bool visitIf(Enter&& enter, Visit&& visit) const {
+    return visitNode<false>(root_, enter, visit);
+  }
+
+  /// The same over occupied cells alone: a subtree without any is not entered.
+  template <class Enter, class Visit>
+  bool visitOccupiedIf(Enter&& enter, Visit&& visit) const {
+    return visitNode<true>(root_, enter, visit);
+  }
+
+  template <class Visit>
+  bool visitAll(Visit&& visit) const {
+    return visitIf([](const VoxelBox&) { return true; }, visit);
+  }
+  template <class Visit>
+  bool visitOccupied(Visit&& visit) const {
+    return visitOccupiedIf([](const VoxelBox&) { return true; }, visit);
+  }
+  template <class Visit>
+  bool visitOverlapping(const VoxelBox& query, Visit&& visit) const {
+    return visitIf([&query](const VoxelBox& b) { return query.overlaps(b); }, visit);
+  }
+  /// Cells that lie in the query box as a whole.
+  template <class Visit>
+  bool visitContained(const VoxelBox& query, Visit&& visit) const {
+    return visitOverlapping(query, [&](const Cell& c) { return query.contains(c.box) ? visit(c) : true; });
+  }
+  /// Cells that the query box lies in as a whole.
+  template <class Visit>
+  bool visitContaining(const VoxelBox& query, Visit&& visit) const {
+    return visitIf([&query](const VoxelBox& b) { return b.contains(query); }, visit);
+  }
+
+  /// Best first: cells by increasing `distance(box)`, a lower bound that must not decrease from a box to a part of
+  /// it; infinity leaves a subtree out. `visit(cell, distance)` returns false to stop.
+  template <class Distance, class Visit>
+  void visitByDistance(bool occupied_only, Distance&& distance, Visit&& visit) const;
+
+  /// One line for each broken invariant (fill, height, tight boxes, parents, flags, counts); empty if all hold.
+  std::string checkInvariants() const;
+
+ private:
+  using NodeId = std::uint32_t;
+  static constexpr NodeId kNone = 0x7fffffff;
+  static constexpr NodeId kOccupiedBit = 0x80000000;  // in a child reference: some cell below is occupied
+
+  struct Node {
+    NodeId parent;
+    std::uint16_t count;
+    std::uint16_t level;  // 0: leaf
+  };
+  union Payload {
+    float log_odds;       // of a leaf's entry
+    std::uint32_t child;  // of an inner node's entry: node id | kOccupiedBit
+  };
+  // An entry outside of a node, on its way from one to another.
+  struct Entry {
+    VoxelBox box;
+    Payload payload;
+    Reflectivity reflectivity;
+  };
+
+  // A node is one block of the pool: Node, then M boxes, M payloads and, if stored, M reflectivities.
+  Node* node(NodeId id) const {
+    return reinterpret_cast<Node*>(chunks_[id >> kChunkBits].get() + (id & (kChunk - 1)) * stride_);
+  }
+  VoxelBox* boxes(Node* n) const { return reinterpret_cast<VoxelBox*>(n + 1); }
+  Payload* payloads(Node* n) const {
+    return reinterpret_cast<Payload*>(reinterpret_cast<char*>(n + 1) + sizeof(VoxelBox) * options_.max_entries);
+  }
+  Reflectivity* reflectivities(Node* n) const {
+    return reinterpret_cast<Reflectivity*>(reinterpret_cast<char*>(n + 1) +
+                                           (sizeof(VoxelBox) + sizeof(Payload)) * options_.max_entries);
+  }
+  static constexpr int kChunkBits = 8;
+  static constexpr NodeId kChunk = 1u << kChunkBits;
+
+  Cell cellAt(Node* n, int i) const {
+    return {boxes(n)[i], payloads(n)[i].log_odds, options_.store_reflectivity ? reflectivities(n)[i] : Reflectivity()};
+  }
+  bool isOccupied(float log_odds) const { return log_odds >= options_.occupied_log_odds; }
+
+  template <bool kOccupiedOnly, class Enter, class Visit>
+  bool visitNode(NodeId id, Enter& enter, Visit& visit) const {
+    Node* n = node(id);
+    const VoxelBox* box = boxes(n);
+    const Payload* payload = payloads(n);
+    for (int i = 0; i < n->count; ++i) {
+      if (n->level == 0) {
+        if (kOccupiedOnly && !isOccupied(payload[i].log_odds)) continue;
+        if (enter(box[i]) && !visit(cellAt(n, i))) return false;
+      } else {
+        if (kOccupiedOnly && !(payload[i].child & kOccupiedBit)) continue;
+        if (enter(box[i]) && !visitNode<kOccupiedOnly>(payload[i].child & ~kOccupiedBit, enter, visit)) return false;
+      }
+    }
+    return true;
+  }
+
+  NodeId allocateNode(int level);
+  void freeNode(NodeId id);
+  Entry entryAt(Node* n, int i) const;
+  void setEntry(Node* n, int i, const Entry& e);
+  void removeEntry(Node* n, int i);
+  int slotInParent(NodeId id) const;
+  Entry summary(NodeId id) const;  // the entry that the parent should hold for this node
+  static Entry cellEntry(const Cell& cell);
+  void adopt(NodeId parent, Node* n, int i);
+
+  void insertEntry(const Entry& entry, int level);
+  void split(NodeId id, const Entry& extra);
+  void refit(NodeId id);          // brings the boxes and flags above up to date, as far as they change
+  void condense(NodeId id);       // after a removal: refit, or dissolve what has fallen below d
+  void shortenRoot();
+  void collectReplaced(NodeId id, const VoxelBox& region);
+  void pack(const Entry* entries, std::size_t count);
+  void rebuild(std::vector<Entry>& entries);
+
+  RTreeOptions options_;
+  std::size_t stride_ = 0;
+  std::vector<std::unique_ptr<char[]>> chunks_;
+  std::vector<NodeId> free_;
+  NodeId next_ = 0;
+  NodeId root_ = kNone;
+  std::size_t num_cells_ = 0;
+  std::size_t num_nodes_ = 0;
+  // Buffers of replace(), kept to save allocations.
+  std::vector<NodeId> leaves_;
+  std::vector<Entry> kept_, added_;
+};
+
+}  // namespace rtree_occupancy_map
+
+#include "rtree_occupancy_map/rtree_best_first.h"  // visitByDistance

@@ -1,0 +1,333 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "rtree_occupancy_map/occupancy_map.h"
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <stdexcept>
+
+#include "block_grid.h"
+#include "log_odds.h"
+#include "scan_raster.h"
+
+namespace rtree_occupancy_map {
+namespace {
+
+// A block with fewer voxels at the lower threshold than this does without an index of them.
+constexpr int kWorthIndexing = 512;
+
+Options complete(Options options) {
+  options.validate();
+  options.tree.occupied_log_odds = logOdds(options.occupancy_threshold);
+  options.tree.store_reflectivity = options.reflectivity;
+  return options;
+}
+
+}  // namespace
+
+// What insertScan needs of a scan, and the buffers to gather it in.
+struct OccupancyMap::Insertion {
+  explicit Insertion(const Options& options) : raster(options.resolution), grid(options), random(options.seed) {}
+
+  // A place in a block of the raster.
+  struct Mark {
+    std::uint32_t slot;
+    std::int32_t voxel;  // BlockGrid::indexOf
+    float value;
+  };
+  static void sortBySlot(std::vector<Mark>& marks) {
+    std::stable_sort(marks.begin(), marks.end(), [](const Mark& a, const Mark& b) { return a.slot < b.slot; });
+  }
+
+  ScanRaster raster;
+  BlockGrid grid;
+  std::mt19937_64 random;
+  std::vector<Mark> reflectivity;  // returns
+  std::vector<Mark> selected;      // voxels whose cells may expand
+  std::vector<int> selected_in_block;
+  std::vector<Cell> cells;
+};
+
+OccupancyMap::OccupancyMap(const Options& options)
+    : options_(complete(options)), tree_(options_.tree), insertion_(new Insertion(options_)) {}
+
+OccupancyMap::OccupancyMap(OccupancyMap&&) noexcept = default;
+OccupancyMap& OccupancyMap::operator=(OccupancyMap&&) noexcept = default;
+OccupancyMap::~OccupancyMap() = default;
+
+void OccupancyMap::setRange(double min_range, double max_range) {
+  Options changed = options_;
+  changed.min_range = min_range;
+  changed.max_range = max_range;
+  changed.validate();
+  options_ = changed;
+}
+
+void OccupancyMap::clear() {
+  tree_.clear();
+  settled_free_.clear();
+}
+
+// ---------------------------------------------------------------------------------------------------- insertion
+
+// Section 2.5.1: which voxels the scan occupies and which it frees, and for 2.5.2 which cells may expand.
+void OccupancyMap::rasterize(const Scan& scan, InsertReport& report) {
+  Insertion& in = *insertion_;
+  in.raster.start(scan.origin);
+  in.reflectivity.clear();
+  in.selected.clear();
+  const bool beams = options_.sensor_model == SensorModel::kBeam;
+  const bool select = options_.fusion_strategy == FusionStrategy::kExpansion;
+  const double inverse = 1.0 / options_.resolution;
+  const auto max_range = static_cast<float>(options_.max_range);
+  Voxel origin_voxel;
+  toVoxel(scan.origin, inverse, origin_voxel);
+
+  const auto clear = [&](Eigen::Vector3f end) {
+    const Eigen::Vector3f beam = end - scan.origin;
+    if (beam.norm() > max_range) end = scan.origin + beam.normalized() * max_range;
+    Voxel voxel;
+    if (!toVoxel(end, inverse, voxel)) return false;
+    in.raster.traceBeam(voxel, end);
+    return true;
+  };
+
+  for (std::size_t i = 0; i < scan.hits.size(); ++i) {
+    const Eigen::Vector3f& point = scan.hits[i];
+    Voxel voxel;
+    if (!toVoxel(point, inverse, voxel)) {
+      ++(point.allFinite() ? report.outside : report.non_finite);
+      continue;
+    }
+    if (options_.min_range > 0.0 && (point - scan.origin).norm() < options_.min_range) {
+      ++report.too_near;
+      continue;
+    }
+    Eigen::Vector3f center;
+    for (int k = 0; k < 3; ++k) center[k] = static_cast<float>((voxel[k] + 0.5) * options_.resolution);
+    if ((center - scan.origin).norm() > max_range) {
+      ++report.beyond_range;
+      if (beams) clear(center);
+      continue;
+    }
+    ++report.hits;
+    const bool first = in.raster.markHit(voxel);
+    if (first && beams) in.raster.traceBeam(voxel, center);
+    if (options_.reflectivity && !scan.reflectivity.empty() && std::isfinite(scan.reflectivity[i])) {
+      in.reflectivity.push_back({in.raster.slotOf(blockOf(voxel)), BlockGrid::indexOf(voxel), scan.reflectivity[i]});
+    }
+    if (first && select) {
+      const auto selectVoxel = [&](const Voxel& v) {
+        in.selected.push_back({in.raster.slotOf(blockOf(v)), BlockGrid::indexOf(v), 0.0F});
+      };
+      selectVoxel(voxel);
+      if (!beams) continue;
+      std::uniform_real_distribution<float> uniform(0.0F, 1.0F);
+      const Eigen::Vector3f beam = center - scan.origin;
+      const int samples = static_cast<int>(beam.norm() * options_.samples_per_metre + uniform(in.random));
+      for (int k = 0; k < samples; ++k) {
+        if (toVoxel(scan.origin + uniform(in.random) * beam, inverse, voxel)) selectVoxel(voxel);
+      }
+    }
+  }
+  for (const Eigen::Vector3f& end : scan.misses) {
+    if (!end.allFinite()) {
+      ++report.non_finite;
+    } else if (beams && !clear(end)) {
+      ++report.outside;
+    }
+  }
+}
+
+InsertReport OccupancyMap::insertScan(const Scan& scan) {
+  Voxel origin_voxel;
+  if (!toVoxel(scan.origin, 1.0 / options_.resolution, origin_voxel)) {
+    throw std::invalid_argument("the scan's origin is not finite or outside of the map's coordinates");
+  }
+  if (!scan.reflectivity.empty() && scan.reflectivity.size() != scan.hits.size()) {
+    throw std::invalid_argument("the scan has " + std::to_string(scan.reflectivity.size()) + " reflectivities for " +
+                                std::to_string(scan.hits.size()) + " hits");
+  }
+  InsertReport report;
+  rasterize(scan, report);
+  Insertion& in = *insertion_;
+  Insertion::sortBySlot(in.reflectivity);
+  Insertion::sortBySlot(in.selected);
+
+  auto reflectivity = in.reflectivity.begin();
+  auto selected = in.selected.begin();
+  for (std::uint32_t slot = 0; slot < in.raster.size(); ++slot) {
+    const ScanRaster::Mask& mask = in.raster.mask(slot);
+    const auto first_reflectivity = reflectivity;
+    while (reflectivity != in.reflectivity.end() && reflectivity->slot == slot) ++reflectivity;
+    in.selected_in_block.clear();
+    for (; selected != in.selected.end() && selected->slot == slot; ++selected) in.selected_in_block.push_back(selected->voxel);
+
+    const Block& block = in.raster.block(slot);
+    if (in.selected_in_block.empty() && first_reflectivity == reflectivity && changesNothing(block, slot)) continue;
+    loadBlock(block);
+    const bool changed = in.grid.update(mask);
+    for (auto r = first_reflectivity; r != reflectivity; ++r) in.grid.addReflectivity(r->voxel, r->value);
+    if (!changed && first_reflectivity == reflectivity && in.selected_in_block.empty()) continue;
+    storeBlock(block);
+    if (changed || first_reflectivity != reflectivity) report.changed_blocks.push_back(block);
+  }
+  return report;
+}
+
+// Whether the scan does no more than cross voxels of this block that are at the lower threshold already.
+bool OccupancyMap::changesNothing(const Block& block, std::uint32_t slot) const {
+  const ScanRaster::Mask& mask = insertion_->raster.mask(slot);
+  const auto found = settled_free_.find(ScanRaster::key(block));
+  const std::uint32_t* settled = found == settled_free_.end() ? nullptr : found->second->data();
+  for (int y = 0; y < kBlockSize; ++y) {
+    for (int x = 0; x < kBlockSize; ++x) {
+      const std::uint32_t known = settled != nullptr ? settled[y * kBlockSize + x] : 0;
+      if ((mask.hit(x, y) | (mask.crossed(x, y) & ~known)) != 0) return false;
+    }
+  }
+  return true;
+}
+
+void OccupancyMap::loadBlock(const Block& block) {
+  BlockGrid& grid = insertion_->grid;
+  grid.start(block);
+  tree_.visitOverlapping(boxOf(block), [&grid](const Cell& cell) {
+    grid.add(cell);
+    return true;
+  });
+}
+
+void OccupancyMap::storeBlock(const Block& block) {
+  Insertion& in = *insertion_;
+  in.grid.fuse(in.selected_in_block, in.cells);
+  tree_.replace(boxOf(block), in.cells);
+  indexBlock(block);
+}
+
+// Brings settled_free_ up to date with the block in the grid.
+void OccupancyMap::indexBlock(const Block& block) {
+  const BlockGrid::Rows& rows = insertion_->grid.settledFree();
+  int settled = 0;
+  for (const std::uint32_t row : rows) settled += __builtin_popcount(row);
+  if (settled < kWorthIndexing) {
+    settled_free_.erase(ScanRaster::key(block));
+    return;
+  }
+  std::unique_ptr<Rows>& entry = settled_free_[ScanRaster::key(block)];
+  if (!entry) entry = std::make_unique<Rows>();
+  *entry = rows;
+}
+
+std::vector<Block> OccupancyMap::clearBox(const Eigen::Vector3d& min, const Eigen::Vector3d& max) {
+  const VoxelBox box = boxOf(min, max);
+  std::vector<Block> touched, changed;
+  tree_.visitOverlapping(box, [&](const Cell& cell) {
+    touched.push_back(blockOf({cell.box.min[0], cell.box.min[1], cell.box.min[2]}));
+    return true;
+  });
+  std::sort(touched.begin(), touched.end());
+  touched.erase(std::unique(touched.begin(), touched.end()), touched.end());
+  insertion_->selected_in_block.clear();
+  for (const Block& block : touched) {
+    loadBlock(block);
+    if (!insertion_->grid.setFree(box)) continue;
+    storeBlock(block);
+    changed.push_back(block);
+  }
+  return changed;
+}
+
+// ------------------------------------------------------------------------------------------------------ queries
+
+std::optional<Cell> OccupancyMap::cellAt(const Voxel& voxel) const {
+  std::optional<Cell> found;
+  tree_.visitIf([&voxel](const VoxelBox& b) { return b.contains(voxel); },
+                [&found](const Cell& cell) {
+                  found = cell;
+                  return false;
+                });
+  return found;
+}
+
+std::optional<Cell> OccupancyMap::cellAt(const Eigen::Vector3d& point) const {
+  Voxel voxel;
+  for (int i = 0; i < 3; ++i) {
+    const double c = std::floor(point[i] / options_.resolution);
+    if (!(c >= kMinVoxel && c < kMaxVoxel)) return std::nullopt;
+    voxel[i] = static_cast<int>(c);
+  }
+  return cellAt(voxel);
+}
+
+VoxelState OccupancyMap::stateAt(const Eigen::Vector3d& point) const {
+  const std::optional<Cell> cell = cellAt(point);
+  return !cell ? VoxelState::kUnknown : isOccupied(*cell) ? VoxelState::kOccupied : VoxelState::kFree;
+}
+
+std::vector<Cell> OccupancyMap::nearestOccupied(const Eigen::Vector3d& point, std::size_t k) const {
+  std::vector<Cell> nearest;
+  if (k == 0 || !point.allFinite()) return nearest;
+  const auto squaredDistance = [&](const VoxelBox& box) {
+    const Eigen::Vector3d outside = (minCorner(box) - point).cwiseMax(point - maxCorner(box)).cwiseMax(0.0);
+    return outside.squaredNorm();
+  };
+  tree_.visitByDistance(true, squaredDistance, [&](const Cell& cell, double) {
+    nearest.push_back(cell);
+    return nearest.size() < k;
+  });
+  return nearest;
+}
+
+Statistics OccupancyMap::statistics() const {
+  Statistics s;
+  std::int64_t occupied = 0, free = 0;
+  tree_.visitAll([&](const Cell& cell) {
+    const bool is_occupied = isOccupied(cell);
+    ++(is_occupied ? s.occupied_cells : s.free_cells);
+    (is_occupied ? occupied : free) += cell.box.volume();
+    return true;
+  });
+  const double voxel = std::pow(options_.resolution, 3);
+  s.cells = tree_.size();
+  s.occupied_volume = static_cast<double>(occupied) * voxel;
+  s.free_volume = static_cast<double>(free) * voxel;
+  s.nodes = tree_.numNodes();
+  s.height = tree_.height();
+  s.memory_bytes = tree_.memoryUsage() + settled_free_.bucket_count() * sizeof(void*) +
+                   settled_free_.size() * (sizeof(Rows) + 4 * sizeof(void*));
+  return s;
+}
+
+// -------------------------------------------------------------------------------------------------- conversions
+
+double OccupancyMap::probability(float log_odds) { return 1.0 / (1.0 + std::exp(-static_cast<double>(log_odds))); }
+
+Eigen::Vector3d OccupancyMap::minCorner(const VoxelBox& b) const {
+  return options_.resolution * Eigen::Vector3d(b.min[0], b.min[1], b.min[2]);
+}
+
+Eigen::Vector3d OccupancyMap::maxCorner(const VoxelBox& b) const {
+  return options_.resolution * Eigen::Vector3d(b.max[0], b.max[1], b.max[2]);
+}
+
+VoxelBox OccupancyMap::boxOf(const Eigen::Vector3d& min, const Eigen::Vector3d& max) const {
+  VoxelBox box;
+  const auto cut = [](double c) { return static_cast<std::int16_t>(std::clamp<double>(c, kMinVoxel, kMaxVoxel)); };
+  for (int i = 0; i < 3; ++i) {
+    box.min[i] = cut(std::floor(min[i] / options_.resolution));
+    box.max[i] = cut(std::ceil(max[i] / options_.resolution));
+  }
+  return box;
+}
+
+VoxelBox OccupancyMap::boxOf(const Block& block) {
+  VoxelBox box;
+  for (int i = 0; i < 3; ++i) {
+    box.min[i] = static_cast<std::int16_t>(block[i] * kBlockSize);
+    box.max[i] = static_cast<std::int16_t>(std::min((block[i] + 1) * kBlockSize, 32767));
+  }
+  return box;
+}
+
+}  // namespace rtree_occupancy_map
