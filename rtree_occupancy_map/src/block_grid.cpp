@@ -76,6 +76,12 @@ void BlockGrid::set(int row, int z, float log_odds) {
   }
 }
 
+std::int64_t BlockGrid::knownVoxels() const {
+  std::int64_t known = 0;
+  for (int row = 0; row < kSize * kSize; ++row) known += __builtin_popcount(low_[row] | high_[row] | between_[row]);
+  return known;
+}
+
 bool BlockGrid::update(const ScanRaster::Mask& mask) {
   bool changed = false;
   for (int y = 0; y < kSize; ++y) {

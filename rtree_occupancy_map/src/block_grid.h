@@ -37,6 +37,7 @@ class BlockGrid {
   /// @param selected voxels whose cells may expand (FusionStrategy::kExpansion)
   void fuse(const std::vector<int>& selected, std::vector<Cell>& cells);
 
+  std::int64_t knownVoxels() const;
   /// Voxels at the lower clamping threshold.
   const Rows& settledFree() const { return low_; }
 

@@ -3,10 +3,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <random>
 #include <stdexcept>
 
 #include "block_grid.h"
+#include "insertion.h"
 #include "log_odds.h"
 #include "scan_raster.h"
 
@@ -24,29 +24,6 @@ Options complete(Options options) {
 }
 
 }  // namespace
-
-// What insertScan needs of a scan, and the buffers to gather it in.
-struct OccupancyMap::Insertion {
-  explicit Insertion(const Options& options) : raster(options.resolution), grid(options), random(options.seed) {}
-
-  // A place in a block of the raster.
-  struct Mark {
-    std::uint32_t slot;
-    std::int32_t voxel;  // BlockGrid::indexOf
-    float value;
-  };
-  static void sortBySlot(std::vector<Mark>& marks) {
-    std::stable_sort(marks.begin(), marks.end(), [](const Mark& a, const Mark& b) { return a.slot < b.slot; });
-  }
-
-  ScanRaster raster;
-  BlockGrid grid;
-  std::mt19937_64 random;
-  std::vector<Mark> reflectivity;  // returns
-  std::vector<Mark> selected;      // voxels whose cells may expand
-  std::vector<int> selected_in_block;
-  std::vector<Cell> cells;
-};
 
 OccupancyMap::OccupancyMap(const Options& options)
     : options_(complete(options)), tree_(options_.tree), insertion_(new Insertion(options_)) {}

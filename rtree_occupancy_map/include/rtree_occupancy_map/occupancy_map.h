@@ -149,6 +149,7 @@ class OccupancyMap {
 
   struct Insertion;
 
+  static OccupancyMap fromCells(const Options& options, std::vector<Cell> cells);
   void rasterize(const Scan& scan, InsertReport& report);
   bool changesNothing(const Block& block, std::uint32_t slot) const;
   void loadBlock(const Block& block);
