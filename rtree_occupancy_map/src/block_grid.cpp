@@ -10,7 +10,9 @@ namespace {
 constexpr int kSize = kBlockSize;
 
 // Bits z0 to z1 - 1.
-std::uint32_t bits(int z0, int z1) { return (z1 - z0 == 32 ? ~0u : (1u << (z1 - z0)) - 1) << z0; }
+std::uint32_t bits(int z0, int z1) {
+  return (z1 - z0 == 32 ? ~0u : (1u << (z1 - z0)) - 1) << z0;
+}
 
 template <class Function>
 void forEachBit(std::uint32_t word, Function&& f) {
@@ -36,29 +38,45 @@ void BlockGrid::start(const Block& block) {
   pieces_.clear();
 }
 
-void BlockGrid::add(const Cell& cell) {
+void BlockGrid::add(const VoxelBox& cell_box, float log_odds, const Reflectivity& reflectivity) {
   LocalBox b;
   for (int i = 0; i < 3; ++i) {
-    b.min[i] = cell.box.min[i] - base_[i];
-    b.max[i] = cell.box.max[i] - base_[i];
+    b.min[i] = cell_box.min[i] - base_[i];
+    b.max[i] = cell_box.max[i] - base_[i];
   }
-  const Class c = cell.log_odds <= model_.min ? Class::kLow : cell.log_odds >= model_.max ? Class::kHigh : Class::kBetween;
+  const Class c = log_odds <= model_.min   ? Class::kLow
+                  : log_odds >= model_.max ? Class::kHigh
+                                           : Class::kBetween;
   Rows& rows = rowsOf(c);
+  if (options_.fusion_strategy == FusionStrategy::kExpansion) pieces_.push_back({b, c});
+  const bool textured = options_.reflectivity && reflectivity.hits > 0;
+  if (cell_box.margin() == 3 && !textured) {  // one voxel, as most cells
+    const int row = b.min[1] * kSize + b.min[0];
+    rows[row] |= 1u << b.min[2];
+    value_[row * kSize + b.min[2]] = log_odds;
+    return;
+  }
   const std::uint32_t mask = bits(b.min[2], b.max[2]);
-  const bool freeze = !options_.dynamic && c != Class::kBetween && cell.box.volume() > 1;
+  const bool freeze = !options_.dynamic && c != Class::kBetween && cell_box.volume() > 1;
   for (int y = b.min[1]; y < b.max[1]; ++y) {
     for (int x = b.min[0]; x < b.max[0]; ++x) {
       const int row = y * kSize + x;
       rows[row] |= mask;
-      if (c == Class::kBetween) std::fill(&value_[row * kSize + b.min[2]], &value_[row * kSize] + b.max[2], cell.log_odds);
-      if (freeze) frozen_[row] |= mask;
-      if (cell.reflectivity.hits > 0 && options_.reflectivity) {
-        textured_[row] |= mask;
-        std::fill(&reflectivity_[row * kSize + b.min[2]], &reflectivity_[row * kSize] + b.max[2], cell.reflectivity);
+      if (c == Class::kBetween) {
+        for (int z = b.min[2]; z < b.max[2]; ++z) value_[row * kSize + z] = log_odds;
       }
+      if (freeze) frozen_[row] |= mask;
+      if (!textured) continue;
+      textured_[row] |= mask;
+      std::fill(&reflectivity_[row * kSize + b.min[2]], &reflectivity_[row * kSize] + b.max[2], reflectivity);
     }
   }
-  if (options_.fusion_strategy == FusionStrategy::kExpansion) pieces_.push_back({b, c});
+}
+
+void BlockGrid::add(const RTree::Leaf& leaf, const VoxelBox& block) {
+  for (int i = 0; i < leaf.size(); ++i) {
+    if (block.contains(leaf.box(i))) add(leaf.box(i), leaf.logOdds(i), leaf.reflectivity(i));
+  }
 }
 
 void BlockGrid::set(int row, int z, float log_odds) {
@@ -78,7 +96,8 @@ void BlockGrid::set(int row, int z, float log_odds) {
 
 std::int64_t BlockGrid::knownVoxels() const {
   std::int64_t known = 0;
-  for (int row = 0; row < kSize * kSize; ++row) known += __builtin_popcount(low_[row] | high_[row] | between_[row]);
+  for (int row = 0; row < kSize * kSize; ++row)
+    known += __builtin_popcount(low_[row] | high_[row] | between_[row]);
   return known;
 }
 
@@ -134,7 +153,8 @@ bool BlockGrid::setFree(const VoxelBox& box) {
   return changed;
 }
 
-// ------------------------------------------------------------------------------------------------------- fusion
+// -------------------------------------------------------------------------------------------------------
+// fusion
 
 bool BlockGrid::fusible(Class c) const {
   if (options_.fusion_strategy == FusionStrategy::kNone) return false;
@@ -143,14 +163,13 @@ bool BlockGrid::fusible(Class c) const {
   return c == Class::kHigh || (c == Class::kLow && options_.sensor_model == SensorModel::kBeam);
 }
 
-void BlockGrid::emit(const Piece& piece) {
-  const LocalBox& b = piece.box;
+void BlockGrid::emit(const LocalBox& b, Class c) {
   Cell cell;
   for (int i = 0; i < 3; ++i) {
     cell.box.min[i] = static_cast<std::int16_t>(base_[i] + b.min[i]);
     cell.box.max[i] = static_cast<std::int16_t>(base_[i] + b.max[i]);
   }
-  cell.log_odds = logOddsOf(piece.c, (b.min[1] * kSize + b.min[0]) * kSize + b.min[2]);
+  cell.log_odds = logOddsOf(c, (b.min[1] * kSize + b.min[0]) * kSize + b.min[2]);
   if (options_.reflectivity && cell.log_odds >= model_.occupied) {
     double sum = 0.0, hits = 0.0;
     int voxels = 0;
@@ -164,112 +183,166 @@ void BlockGrid::emit(const Piece& piece) {
         });
       }
     }
-    if (voxels > 0) cell.reflectivity = {static_cast<float>(sum / voxels), static_cast<std::uint32_t>(std::ceil(hits / voxels))};
+    if (voxels > 0)
+      cell.reflectivity = {static_cast<float>(sum / voxels),
+                           static_cast<std::uint32_t>(std::ceil(hits / voxels))};
   }
   out_.push_back(cell);
 }
 
-// Whether all voxels of the slab are open and have these log odds.
-bool BlockGrid::slabFits(const Rows& open, Class c, float log_odds, const LocalBox& slab) const {
-  const std::uint32_t mask = bits(slab.min[2], slab.max[2]);
-  for (int y = slab.min[1]; y < slab.max[1]; ++y) {
-    for (int x = slab.min[0]; x < slab.max[0]; ++x) {
-      const int row = y * kSize + x;
-      if ((open[row] & mask) != mask) return false;
-      if (c != Class::kBetween) continue;
-      for (int z = slab.min[2]; z < slab.max[2]; ++z) {
-        if (value_[row * kSize + z] != log_odds) return false;
+// Which voxels between the thresholds have the log odds of their next one along x, y, z.
+void BlockGrid::linkNeighbours() {
+  const auto link = [this](int row, int next_row, int dz, std::uint32_t both) {
+    std::uint32_t equal = 0;
+    const float *value = &value_[row * kSize], *next = &value_[next_row * kSize + dz];
+    forEachBit(both, [&](int z) { equal |= static_cast<std::uint32_t>(value[z] == next[z]) << z; });
+    return equal;
+  };
+  for (int row = 0; row < kSize * kSize; ++row) {
+    const std::uint32_t here = between_[row];
+    linked_[0][row] = row % kSize < kSize - 1 ? link(row, row + 1, 0, here & between_[row + 1]) : 0;
+    linked_[1][row] = row / kSize < kSize - 1 ? link(row, row + kSize, 0, here & between_[row + kSize]) : 0;
+    linked_[2][row] = link(row, row, 1, here & here >> 1);
+  }
+}
+
+// Divides the open voxels within a box, all of one class, into cuboids of equal log odds: from the first
+// voxel that is left, as far as possible along the first axis of the search order, then the second, then the
+// third. kLinked: log odds are equal where linked_ says so; otherwise they are equal as a matter of course.
+template <bool kLinked, class Sink>
+void BlockGrid::fuseGreedily(Rows& open, const LocalBox& within, Sink&& sink) const {
+  const std::uint32_t column = bits(within.min[2], within.max[2]);
+  // Whether the voxels of `mask` are open in a row and can join those of the row before it along an axis.
+  const auto joins = [&](int row, std::uint32_t mask, int axis, int before) {
+    return (open[row] & mask) == mask && (!kLinked || (linked_[axis][before] & mask) == mask);
+  };
+  for (int y = within.min[1]; y < within.max[1]; ++y) {
+    for (int x = within.min[0]; x < within.max[0]; ++x) {
+      const int first = y * kSize + x;
+      const std::uint32_t here = open[first] & column;
+      if (here == 0) continue;
+      // Voxels that can join none of their neighbours, which is most of them, are cells as they are.
+      std::uint32_t joined = kLinked ? linked_[2][first] : here & here >> 1;
+      joined |= joined << 1;
+      if (x + 1 < within.max[0]) joined |= kLinked ? linked_[0][first] : open[first + 1];
+      if (y + 1 < within.max[1]) joined |= kLinked ? linked_[1][first] : open[first + kSize];
+      forEachBit(here & ~joined, [&](int z) { sink(LocalBox{{x, y, z}, {x + 1, y + 1, z + 1}}); });
+      open[first] &= ~(here & ~joined);
+
+      while ((open[first] & column) != 0) {
+        const int z = __builtin_ctz(open[first] & column);
+        int x1 = x + 1, y1 = y + 1, z1 = z + 1;
+        std::uint32_t mask = 1u << z;
+        for (const int axis : axes_) {
+          if (axis == 0) {
+            for (; x1 < within.max[0]; ++x1) {
+              bool all = true;
+              for (int v = y; v < y1 && all; ++v) all = joins(v * kSize + x1, mask, 0, v * kSize + x1 - 1);
+              if (!all) break;
+            }
+          } else if (axis == 1) {
+            for (; y1 < within.max[1]; ++y1) {
+              bool all = true;
+              for (int u = x; u < x1 && all; ++u) all = joins(y1 * kSize + u, mask, 1, (y1 - 1) * kSize + u);
+              if (!all) break;
+            }
+          } else {
+            std::uint32_t next = column;  // voxels that the one below them can grow into
+            for (int v = y; v < y1; ++v) {
+              for (int u = x; u < x1; ++u) {
+                const int row = v * kSize + u;
+                next &= open[row] & (kLinked ? linked_[2][row] << 1 : ~0u);
+              }
+            }
+            const std::uint32_t stop = z1 < kSize ? ~next >> z1 : 1;
+            z1 = stop != 0 ? z1 + __builtin_ctz(stop) : kSize;
+            mask = bits(z, z1);
+          }
+        }
+        for (int v = y; v < y1; ++v) {
+          for (int u = x; u < x1; ++u) open[v * kSize + u] &= ~mask;
+        }
+        sink(LocalBox{{x, y, z}, {x1, y1, z1}});
       }
     }
   }
-  return true;
 }
 
-// Divides the open voxels within a box, all of class c, into cuboids of equal log odds: from the first voxel that is
-// left, as far as possible along the first axis of the search order, then the second, then the third.
-void BlockGrid::fuseGreedily(Rows& open, Class c, const LocalBox& within) {
-  const bool grow = fusible(c);
+template <class Sink>
+void BlockGrid::fuseClass(Rows& open, Class c, const LocalBox& within, Sink&& sink) const {
+  if (fusible(c)) {
+    c == Class::kBetween ? fuseGreedily<true>(open, within, sink) : fuseGreedily<false>(open, within, sink);
+    return;
+  }
   const std::uint32_t column = bits(within.min[2], within.max[2]);
   for (int y = within.min[1]; y < within.max[1]; ++y) {
     for (int x = within.min[0]; x < within.max[0]; ++x) {
       const int row = y * kSize + x;
-      while ((open[row] & column) != 0) {
-        const int z = __builtin_ctz(open[row] & column);
-        LocalBox box{{x, y, z}, {x + 1, y + 1, z + 1}};
-        const float log_odds = logOddsOf(c, row * kSize + z);
-        for (int i = 0; i < 3 && grow; ++i) {
-          const int axis = axes_[i];
-          LocalBox slab = box;
-          while (box.max[axis] < within.max[axis]) {
-            slab.min[axis] = box.max[axis];
-            slab.max[axis] = box.max[axis] + 1;
-            if (!slabFits(open, c, log_odds, slab)) break;
-            ++box.max[axis];
-          }
-        }
-        const std::uint32_t mask = bits(box.min[2], box.max[2]);
-        for (int v = box.min[1]; v < box.max[1]; ++v) {
-          for (int u = box.min[0]; u < box.max[0]; ++u) open[v * kSize + u] &= ~mask;
-        }
-        pieces_.push_back({box, c});
-      }
+      forEachBit(open[row] & column, [&](int z) { sink(LocalBox{{x, y, z}, {x + 1, y + 1, z + 1}}); });
+      open[row] &= ~column;
     }
   }
 }
 
 void BlockGrid::fuse(const std::vector<int>& selected, std::vector<Cell>& cells) {
+  if (fusible(Class::kBetween)) linkNeighbours();
+  out_.clear();
   if (options_.fusion_strategy == FusionStrategy::kExpansion) {
     splitPieces();
     expand(selected);
+    for (const Piece& piece : pieces_) emit(piece.box, piece.c);
   } else {
     for (const Class c : {Class::kHigh, Class::kBetween, Class::kLow}) {
       Rows open = rowsOf(c);
-      fuseGreedily(open, c, {{0, 0, 0}, {kSize, kSize, kSize}});
+      fuseClass(open, c, {{0, 0, 0}, {kSize, kSize, kSize}}, [&](const LocalBox& box) { emit(box, c); });
     }
   }
-  out_.clear();
-  for (const Piece& piece : pieces_) emit(piece);
   order(cells);
 }
 
-// Occupied cells first, so that they share leaves, then by sub-blocks of 8^3 voxels along a Z-order curve.
+// Occupied cells first, so that they share leaves, then by sub-blocks of 8^3 voxels along a Z-order curve;
+// within those, single voxels first, since a run of like cells unpacks faster.
 void BlockGrid::order(std::vector<Cell>& cells) {
   static const std::array<std::uint8_t, 64> kZOrder = [] {
     std::array<std::uint8_t, 64> rank{};
     for (int z = 0; z < 4; ++z)
       for (int y = 0; y < 4; ++y)
         for (int x = 0; x < 4; ++x)
-          rank[z << 4 | y << 2 | x] = static_cast<std::uint8_t>((x & 1) | (y & 1) << 1 | (z & 1) << 2 | (x & 2) << 2 |
-                                                                (y & 2) << 3 | (z & 2) << 4);
+          rank[z << 4 | y << 2 | x] = static_cast<std::uint8_t>((x & 1) | (y & 1) << 1 | (z & 1) << 2 |
+                                                                (x & 2) << 2 | (y & 2) << 3 | (z & 2) << 4);
     return rank;
   }();
-  const auto rankOf = [this](const Cell& c) {
-    const int x = (c.box.min[0] - base_[0]) >> 3, y = (c.box.min[1] - base_[1]) >> 3, z = (c.box.min[2] - base_[2]) >> 3;
-    return kZOrder[z << 4 | y << 2 | x] + (c.log_odds >= model_.occupied ? 0 : 64);
-  };
-  std::array<std::uint32_t, 129> begin{};
-  for (const Cell& c : out_) ++begin[rankOf(c) + 1];
-  for (int i = 0; i < 128; ++i) begin[i + 1] += begin[i];
+  constexpr int kRanks = 2 * 64 * 2;
+  std::array<std::uint32_t, kRanks + 1> begin{};
+  ranks_.resize(out_.size());
+  for (std::size_t i = 0; i < out_.size(); ++i) {
+    const Cell& c = out_[i];
+    const int x = (c.box.min[0] - base_[0]) >> 3, y = (c.box.min[1] - base_[1]) >> 3,
+              z = (c.box.min[2] - base_[2]) >> 3;
+    ranks_[i] = static_cast<std::uint8_t>((c.log_odds < model_.occupied) << 7 |
+                                          kZOrder[z << 4 | y << 2 | x] << 1 | (c.box.margin() > 3));
+    ++begin[ranks_[i] + 1];
+  }
+  for (int i = 0; i < kRanks; ++i) begin[i + 1] += begin[i];
   cells.resize(out_.size());
-  for (const Cell& c : out_) cells[begin[rankOf(c)]++] = c;
+  for (std::size_t i = 0; i < out_.size(); ++i) cells[begin[ranks_[i]]++] = out_[i];
 }
 
-// ------------------------------------------------------------------------------ expansion and fusion of Fig. 2.7
+// ------------------------------------------------------------------------------ expansion and fusion of
+// Fig. 2.7
 
-// Starts from the cells that the block came with. Where observations contradicted one it is split: what still agrees
-// stays in cuboids as large as possible. Voxels that are new become cells of their own.
+// Starts from the cells that the block came with. Where observations contradicted one it is split: what still
+// agrees stays in cuboids as large as possible. Voxels that are new become cells of their own.
 void BlockGrid::splitPieces() {
   std::vector<Piece> before;
   before.swap(pieces_);
-  Rows open[] = {low_, high_, between_};
-  const Class classes[] = {Class::kLow, Class::kHigh, Class::kBetween};
-  for (const Piece& p : before) {
-    for (int c = 0; c < 3; ++c) fuseGreedily(open[c], classes[c], p.box);
-  }
-  for (int c = 0; c < 3; ++c) {
+  for (const Class c : {Class::kHigh, Class::kBetween, Class::kLow}) {
+    Rows open = rowsOf(c);
+    const auto add = [&](const LocalBox& box) { pieces_.push_back({box, c}); };
+    for (const Piece& p : before) fuseClass(open, c, p.box, add);
     for (int row = 0; row < kSize * kSize; ++row) {
       const int x = row % kSize, y = row / kSize;
-      forEachBit(open[c][row], [&](int z) { pieces_.push_back({{{x, y, z}, {x + 1, y + 1, z + 1}}, classes[c]}); });
+      forEachBit(open[row], [&](int z) { add({{x, y, z}, {x + 1, y + 1, z + 1}}); });
     }
   }
 }
@@ -296,6 +369,22 @@ void BlockGrid::own(int number, const LocalBox& box) {
   }
 }
 
+// Whether all voxels of the slab are of this class and have these log odds.
+bool BlockGrid::slabFits(Class c, float log_odds, const LocalBox& slab) const {
+  const Rows& rows = rowsOf(c);
+  const std::uint32_t mask = bits(slab.min[2], slab.max[2]);
+  for (int y = slab.min[1]; y < slab.max[1]; ++y) {
+    for (int x = slab.min[0]; x < slab.max[0]; ++x) {
+      const int row = y * kSize + x;
+      if ((rows[row] & mask) != mask) return false;
+      for (int z = slab.min[2]; z < slab.max[2]; ++z) {
+        if (logOddsOf(c, row * kSize + z) != log_odds) return false;
+      }
+    }
+  }
+  return true;
+}
+
 // Lines 1 to 12 of Fig. 2.7 for one cell; @return whether it has grown.
 bool BlockGrid::expandOnce(int number) {
   const Piece piece = pieces_[number];
@@ -319,7 +408,7 @@ bool BlockGrid::expandOnce(int number) {
     slab.min[axis] = forward ? piece.box.max[axis] : piece.box.min[axis] - width(axis);
     slab.max[axis] = slab.min[axis] + width(axis);
     if (slab.min[axis] < 0 || slab.max[axis] > kSize) continue;
-    if (!slabFits(rowsOf(piece.c), piece.c, log_odds, slab)) continue;
+    if (!slabFits(piece.c, log_odds, slab)) continue;
     // Eq. 2.9: every cell in the slab lies in it as a whole.
     std::vector<std::uint16_t> fused;
     bool contained = true;

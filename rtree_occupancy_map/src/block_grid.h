@@ -3,7 +3,7 @@
 
 #include <array>
 #include <cstdint>
-#include <random>
+#include <utility>
 #include <vector>
 
 #include "log_odds.h"
@@ -12,7 +12,8 @@
 
 namespace rtree_occupancy_map {
 
-/// One block of the map, unpacked into voxels to be updated and fused. Between scans the cells live in the R-tree.
+/// One block of the map, unpacked into voxels to be updated and fused. Between scans the cells live in the
+/// R-tree.
 class BlockGrid {
  public:
   static constexpr int kSize = kBlockSize;
@@ -24,7 +25,9 @@ class BlockGrid {
   explicit BlockGrid(const Options& options);
 
   void start(const Block& block);
-  void add(const Cell& cell);
+  void add(const VoxelBox& cell, float log_odds, const Reflectivity& reflectivity);
+  /// Those cells of the leaf that lie in the block.
+  void add(const RTree::Leaf& leaf, const VoxelBox& block);
 
   /// Eq. 2.7 for every voxel of the mask, once. @return whether any log odds changed
   bool update(const ScanRaster::Mask& mask);
@@ -53,34 +56,41 @@ class BlockGrid {
     Class c;
   };
 
-  Rows& rowsOf(Class c) { return c == Class::kLow ? low_ : c == Class::kHigh ? high_ : between_; }
+  const Rows& rowsOf(Class c) const { return c == Class::kLow ? low_ : c == Class::kHigh ? high_ : between_; }
+  Rows& rowsOf(Class c) { return const_cast<Rows&>(std::as_const(*this).rowsOf(c)); }
   void set(int row, int z, float log_odds);
   float logOddsOf(Class c, int index) const {
     return c == Class::kLow ? model_.min : c == Class::kHigh ? model_.max : value_[index];
   }
   bool fusible(Class c) const;
-  bool slabFits(const Rows& open, Class c, float log_odds, const LocalBox& slab) const;
-  void fuseGreedily(Rows& open, Class c, const LocalBox& within);
+  bool slabFits(Class c, float log_odds, const LocalBox& slab) const;
+  void linkNeighbours();
+  template <bool kLinked, class Sink>
+  void fuseGreedily(Rows& open, const LocalBox& within, Sink&& sink) const;
+  template <class Sink>
+  void fuseClass(Rows& open, Class c, const LocalBox& within, Sink&& sink) const;
   void splitPieces();
   void expand(const std::vector<int>& selected);
   bool expandOnce(int number);
   void own(int number, const LocalBox& box);
-  void emit(const Piece& piece);
+  void emit(const LocalBox& box, Class c);
   void order(std::vector<Cell>& cells);
 
   const Options& options_;
   const LogOddsModel model_;
   std::array<int, 3> axes_;  // of the search order
 
-  std::array<int, 3> base_{};  // voxel coordinates of the block's min corner
-  Rows low_, high_, between_;  // known voxels, by class
+  std::array<int, 3> base_{};                       // voxel coordinates of the block's min corner
+  Rows low_, high_, between_;                       // known voxels, by class
   std::array<float, kSize * kSize * kSize> value_;  // log odds, of voxels between the thresholds
   Rows frozen_;                                     // not to be updated: static mode
   Rows textured_;                                   // voxels with a reflectivity
   std::vector<Reflectivity> reflectivity_;
-  std::vector<Piece> pieces_;                       // the cells of the block, during fusion
-  std::vector<std::uint16_t> owner_;                // of a voxel: number of its piece; expansion only
+  std::array<Rows, 3> linked_;        // voxels of equal log odds as their next one along each axis
+  std::vector<Piece> pieces_;         // the cells of the block, during fusion
+  std::vector<std::uint16_t> owner_;  // of a voxel: number of its piece; expansion only
   std::vector<Cell> out_;
+  std::vector<std::uint8_t> ranks_;
 };
 
 }  // namespace rtree_occupancy_map

@@ -14,7 +14,8 @@ namespace rtree_occupancy_map {
 
 // What insertScan needs of a scan, and the buffers to gather it in.
 struct OccupancyMap::Insertion {
-  explicit Insertion(const Options& options) : raster(options.resolution), grid(options), random(options.seed) {}
+  explicit Insertion(const Options& options)
+      : raster(options.resolution), grid(options), random(options.seed) {}
 
   // A place in a block of the raster.
   struct Mark {
@@ -23,7 +24,8 @@ struct OccupancyMap::Insertion {
     float value;
   };
   static void sortBySlot(std::vector<Mark>& marks) {
-    std::stable_sort(marks.begin(), marks.end(), [](const Mark& a, const Mark& b) { return a.slot < b.slot; });
+    std::stable_sort(marks.begin(), marks.end(),
+                     [](const Mark& a, const Mark& b) { return a.slot < b.slot; });
   }
 
   ScanRaster raster;

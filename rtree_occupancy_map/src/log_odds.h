@@ -8,7 +8,9 @@
 namespace rtree_occupancy_map {
 
 /// l(p) = log(p / (1 - p)), below Eq. 2.7. Single precision, as the cells hold it.
-inline float logOdds(double probability) { return static_cast<float>(std::log(probability / (1.0 - probability))); }
+inline float logOdds(double probability) {
+  return static_cast<float>(std::log(probability / (1.0 - probability)));
+}
 
 /// The update of Eq. 2.7 for one sensor: l(g|z_1:t) = l(g|z_1:t-1) + (l(g|z_t) - l_0), clamped.
 struct LogOddsModel {

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
-// Map files, little endian: magic, version, options, number of cells, cells (min and max corner as 6 int16, log odds
-// as float32, with reflectivity its mean as float32 and its hits as uint32), CRC-32 of everything before it.
+// Map files, little endian: magic, version, options, number of cells, cells (min and max corner as 6 int16,
+// log odds as float32, with reflectivity its mean as float32 and its hits as uint32), CRC-32 of everything
+// before it.
 #include <unistd.h>
 
 #include <algorithm>
@@ -18,7 +19,8 @@
 #include "log_odds.h"
 #include "rtree_occupancy_map/occupancy_map.h"
 
-static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "map files are little endian, and written as they are in memory");
+static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__,
+              "map files are little endian, and written as they are in memory");
 
 namespace rtree_occupancy_map {
 namespace {
@@ -113,7 +115,8 @@ bool isOneOf(Enum value, Enum last) {
 std::vector<char> readFile(const std::string& path) {
   std::ifstream in(path, std::ios::binary | std::ios::ate);
   const std::streamoff size = in ? static_cast<std::streamoff>(in.tellg()) : -1;
-  if (size < 0 || size == std::numeric_limits<std::streamoff>::max()) throw std::runtime_error("it can't be opened");
+  if (size < 0 || size == std::numeric_limits<std::streamoff>::max())
+    throw std::runtime_error("it can't be opened");
   std::vector<char> bytes(static_cast<std::size_t>(size));
   in.seekg(0);
   in.read(bytes.data(), size);
@@ -124,8 +127,10 @@ std::vector<char> readFile(const std::string& path) {
 Options readOptions(Reader& read) {
   Options options;
   visitOptions(read, options);
-  if (!isOneOf(options.sensor_model, SensorModel::kEndPoint) || !isOneOf(options.fusion_rule, FusionRule::kEqualValue) ||
-      !isOneOf(options.fusion_strategy, FusionStrategy::kNone) || !isOneOf(options.tree.split, SplitMethod::kRStar)) {
+  if (!isOneOf(options.sensor_model, SensorModel::kEndPoint) ||
+      !isOneOf(options.fusion_rule, FusionRule::kEqualValue) ||
+      !isOneOf(options.fusion_strategy, FusionStrategy::kNone) ||
+      !isOneOf(options.tree.split, SplitMethod::kRStar)) {
     throw std::runtime_error("its options are out of range");
   }
   options.validate();
@@ -186,7 +191,8 @@ OccupancyMap OccupancyMap::load(const std::string& path) {
     if (bytes.size() < sizeof(kMagic) || std::memcmp(bytes.data(), kMagic, sizeof(kMagic)) != 0) {
       throw std::runtime_error("it isn't an R-tree occupancy map");
     }
-    if (bytes.size() < sizeof(kMagic) + sizeof(version) + sizeof(crc)) throw std::runtime_error("it is truncated");
+    if (bytes.size() < sizeof(kMagic) + sizeof(version) + sizeof(crc))
+      throw std::runtime_error("it is truncated");
     const char* end = bytes.data() + bytes.size() - sizeof(crc);
     Reader read(bytes.data() + sizeof(kMagic), end);
     read(version);
@@ -197,12 +203,14 @@ OccupancyMap OccupancyMap::load(const std::string& path) {
     std::memcpy(&crc, end, sizeof(crc));
     boost::crc_32_type checksum;
     checksum.process_block(bytes.data(), end);
-    if (checksum.checksum() != crc) throw std::runtime_error("it is truncated or corrupted: its checksum is wrong");
+    if (checksum.checksum() != crc)
+      throw std::runtime_error("it is truncated or corrupted: its checksum is wrong");
 
     const Options options = readOptions(read);
     std::uint64_t count = 0;
     read(count);
-    const std::size_t cell_size = sizeof(VoxelBox) + sizeof(float) + (options.reflectivity ? sizeof(Reflectivity) : 0);
+    const std::size_t cell_size =
+        sizeof(VoxelBox) + sizeof(float) + (options.reflectivity ? sizeof(Reflectivity) : 0);
     if (read.left() / cell_size != count || read.left() % cell_size != 0) {
       throw std::runtime_error("its number of cells and its size don't agree");
     }
@@ -218,13 +226,14 @@ OccupancyMap OccupancyMap::load(const std::string& path) {
 OccupancyMap OccupancyMap::fromCells(const Options& options, std::vector<Cell> cells) {
   OccupancyMap map(options);
   const auto block = [](const Cell& c) { return blockOf(Voxel{c.box.min[0], c.box.min[1], c.box.min[2]}); };
-  std::stable_sort(cells.begin(), cells.end(), [&block](const Cell& a, const Cell& b) { return block(a) < block(b); });
+  std::stable_sort(cells.begin(), cells.end(),
+                   [&block](const Cell& a, const Cell& b) { return block(a) < block(b); });
   for (auto first = cells.begin(); first != cells.end();) {
     const Block here = block(*first);
     map.insertion_->grid.start(here);
     std::int64_t volume = 0;
     for (; first != cells.end() && block(*first) == here; ++first) {
-      map.insertion_->grid.add(*first);
+      map.insertion_->grid.add(first->box, first->log_odds, first->reflectivity);
       volume += first->box.volume();
     }
     if (map.insertion_->grid.knownVoxels() != volume) throw std::runtime_error("it holds cells that overlap");

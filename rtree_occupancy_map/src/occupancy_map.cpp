@@ -45,7 +45,8 @@ void OccupancyMap::clear() {
   settled_free_.clear();
 }
 
-// ---------------------------------------------------------------------------------------------------- insertion
+// ----------------------------------------------------------------------------------------------------
+// insertion
 
 // Section 2.5.1: which voxels the scan occupies and which it frees, and for 2.5.2 which cells may expand.
 void OccupancyMap::rasterize(const Scan& scan, InsertReport& report) {
@@ -65,7 +66,7 @@ void OccupancyMap::rasterize(const Scan& scan, InsertReport& report) {
     if (beam.norm() > max_range) end = scan.origin + beam.normalized() * max_range;
     Voxel voxel;
     if (!toVoxel(end, inverse, voxel)) return false;
-    in.raster.traceBeam(voxel, end);
+    in.raster.addBeam(voxel, end);
     return true;
   };
 
@@ -89,9 +90,10 @@ void OccupancyMap::rasterize(const Scan& scan, InsertReport& report) {
     }
     ++report.hits;
     const bool first = in.raster.markHit(voxel);
-    if (first && beams) in.raster.traceBeam(voxel, center);
+    if (first && beams) in.raster.addBeam(voxel, center);
     if (options_.reflectivity && !scan.reflectivity.empty() && std::isfinite(scan.reflectivity[i])) {
-      in.reflectivity.push_back({in.raster.slotOf(blockOf(voxel)), BlockGrid::indexOf(voxel), scan.reflectivity[i]});
+      in.reflectivity.push_back(
+          {in.raster.slotOf(blockOf(voxel)), BlockGrid::indexOf(voxel), scan.reflectivity[i]});
     }
     if (first && select) {
       const auto selectVoxel = [&](const Voxel& v) {
@@ -114,6 +116,7 @@ void OccupancyMap::rasterize(const Scan& scan, InsertReport& report) {
       ++report.outside;
     }
   }
+  in.raster.finish();
 }
 
 InsertReport OccupancyMap::insertScan(const Scan& scan) {
@@ -122,8 +125,8 @@ InsertReport OccupancyMap::insertScan(const Scan& scan) {
     throw std::invalid_argument("the scan's origin is not finite or outside of the map's coordinates");
   }
   if (!scan.reflectivity.empty() && scan.reflectivity.size() != scan.hits.size()) {
-    throw std::invalid_argument("the scan has " + std::to_string(scan.reflectivity.size()) + " reflectivities for " +
-                                std::to_string(scan.hits.size()) + " hits");
+    throw std::invalid_argument("the scan has " + std::to_string(scan.reflectivity.size()) +
+                                " reflectivities for " + std::to_string(scan.hits.size()) + " hits");
   }
   InsertReport report;
   rasterize(scan, report);
@@ -138,10 +141,12 @@ InsertReport OccupancyMap::insertScan(const Scan& scan) {
     const auto first_reflectivity = reflectivity;
     while (reflectivity != in.reflectivity.end() && reflectivity->slot == slot) ++reflectivity;
     in.selected_in_block.clear();
-    for (; selected != in.selected.end() && selected->slot == slot; ++selected) in.selected_in_block.push_back(selected->voxel);
+    for (; selected != in.selected.end() && selected->slot == slot; ++selected)
+      in.selected_in_block.push_back(selected->voxel);
 
     const Block& block = in.raster.block(slot);
-    if (in.selected_in_block.empty() && first_reflectivity == reflectivity && changesNothing(block, slot)) continue;
+    if (in.selected_in_block.empty() && first_reflectivity == reflectivity && changesNothing(block, slot))
+      continue;
     loadBlock(block);
     const bool changed = in.grid.update(mask);
     for (auto r = first_reflectivity; r != reflectivity; ++r) in.grid.addReflectivity(r->voxel, r->value);
@@ -169,10 +174,8 @@ bool OccupancyMap::changesNothing(const Block& block, std::uint32_t slot) const 
 void OccupancyMap::loadBlock(const Block& block) {
   BlockGrid& grid = insertion_->grid;
   grid.start(block);
-  tree_.visitOverlapping(boxOf(block), [&grid](const Cell& cell) {
-    grid.add(cell);
-    return true;
-  });
+  const VoxelBox box = boxOf(block);
+  tree_.visitLeaves(box, [&](const RTree::Leaf& leaf) { grid.add(leaf, box); });
 }
 
 void OccupancyMap::storeBlock(const Block& block) {
@@ -215,7 +218,8 @@ std::vector<Block> OccupancyMap::clearBox(const Eigen::Vector3d& min, const Eige
   return changed;
 }
 
-// ------------------------------------------------------------------------------------------------------ queries
+// ------------------------------------------------------------------------------------------------------
+// queries
 
 std::optional<Cell> OccupancyMap::cellAt(const Voxel& voxel) const {
   std::optional<Cell> found;
@@ -276,9 +280,12 @@ Statistics OccupancyMap::statistics() const {
   return s;
 }
 
-// -------------------------------------------------------------------------------------------------- conversions
+// --------------------------------------------------------------------------------------------------
+// conversions
 
-double OccupancyMap::probability(float log_odds) { return 1.0 / (1.0 + std::exp(-static_cast<double>(log_odds))); }
+double OccupancyMap::probability(float log_odds) {
+  return 1.0 / (1.0 + std::exp(-static_cast<double>(log_odds)));
+}
 
 Eigen::Vector3d OccupancyMap::minCorner(const VoxelBox& b) const {
   return options_.resolution * Eigen::Vector3d(b.min[0], b.min[1], b.min[2]);
@@ -290,7 +297,9 @@ Eigen::Vector3d OccupancyMap::maxCorner(const VoxelBox& b) const {
 
 VoxelBox OccupancyMap::boxOf(const Eigen::Vector3d& min, const Eigen::Vector3d& max) const {
   VoxelBox box;
-  const auto cut = [](double c) { return static_cast<std::int16_t>(std::clamp<double>(c, kMinVoxel, kMaxVoxel)); };
+  const auto cut = [](double c) {
+    return static_cast<std::int16_t>(std::clamp<double>(c, kMinVoxel, kMaxVoxel));
+  };
   for (int i = 0; i < 3; ++i) {
     box.min[i] = cut(std::floor(min[i] / options_.resolution));
     box.max[i] = cut(std::ceil(max[i] / options_.resolution));

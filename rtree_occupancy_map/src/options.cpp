@@ -46,7 +46,8 @@ void Options::validate() const {
           occupancy_threshold, "between the clamping thresholds");
   require(min_range >= 0.0, "min_range", min_range, "0 m or more");
   require(max_range > min_range, "max_range", max_range, "more than min_range");
-  require(samples_per_metre >= 0.0 && samples_per_metre <= 1000.0, "samples_per_metre", samples_per_metre, "0 to 1000");
+  require(samples_per_metre >= 0.0 && samples_per_metre <= 1000.0, "samples_per_metre", samples_per_metre,
+          "0 to 1000");
   std::string sorted = search_order;
   std::sort(sorted.begin(), sorted.end());
   if (sorted != "xyz") reject("search_order", "'" + search_order + "'", "a permutation of xyz");
@@ -54,11 +55,13 @@ void Options::validate() const {
 }
 
 SensorModel parseSensorModel(const std::string& name) {
-  return parse<SensorModel>("sensor_model", name, {{"beam", SensorModel::kBeam}, {"endpoint", SensorModel::kEndPoint}});
+  return parse<SensorModel>("sensor_model", name,
+                            {{"beam", SensorModel::kBeam}, {"endpoint", SensorModel::kEndPoint}});
 }
 
 FusionRule parseFusionRule(const std::string& name) {
-  return parse<FusionRule>("fusion_rule", name, {{"thesis", FusionRule::kThesis}, {"equal", FusionRule::kEqualValue}});
+  return parse<FusionRule>("fusion_rule", name,
+                           {{"thesis", FusionRule::kThesis}, {"equal", FusionRule::kEqualValue}});
 }
 
 FusionStrategy parseFusionStrategy(const std::string& name) {

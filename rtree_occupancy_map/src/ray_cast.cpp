@@ -17,7 +17,8 @@ struct Interval {
   bool empty() const { return !(enter < exit); }
 };
 
-// Slab method. In voxel units; the direction has unit length, so distances along the ray are in voxels as well.
+// Slab method. In voxel units; the direction has unit length, so distances along the ray are in voxels as
+// well.
 class Ray {
  public:
   Ray(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction, double length)
@@ -30,7 +31,8 @@ class Ray {
         if (origin_[i] < box.min[i] || origin_[i] >= box.max[i]) return {1.0, 0.0};
         continue;
       }
-      const double a = (box.min[i] - origin_[i]) / direction_[i], b = (box.max[i] - origin_[i]) / direction_[i];
+      const double a = (box.min[i] - origin_[i]) / direction_[i],
+                   b = (box.max[i] - origin_[i]) / direction_[i];
       t.enter = std::max(t.enter, std::min(a, b));
       t.exit = std::min(t.exit, std::max(a, b));
     }
@@ -45,14 +47,16 @@ class Ray {
 
 }  // namespace
 
-RayHit OccupancyMap::castRay(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction, double max_range,
-                             bool ignore_unknown) const {
+RayHit OccupancyMap::castRay(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction,
+                             double max_range, bool ignore_unknown) const {
   if (!origin.allFinite() || !direction.allFinite() || direction.norm() == 0.0 || !(max_range > 0.0)) {
     throw std::invalid_argument("a ray needs a finite origin, a direction with a length and a range above 0");
   }
-  // No cell is further than this from an origin inside of the map, and infinity doesn't go well with the sums below.
+  // No cell is further than this from an origin inside of the map, and infinity doesn't go well with the sums
+  // below.
   const double diagonal = 2.0 * (kMaxVoxel - kMinVoxel);
-  const double length = std::min(max_range / options_.resolution, diagonal + (origin / options_.resolution).norm());
+  const double length =
+      std::min(max_range / options_.resolution, diagonal + (origin / options_.resolution).norm());
   const Ray ray(origin / options_.resolution, direction.normalized(), length);
 
   RayHit hit;
@@ -77,8 +81,9 @@ RayHit OccupancyMap::castRay(const Eigen::Vector3d& origin, const Eigen::Vector3
     hit.result = RayHit::Result::kUnknown;
     end = known;
   }
-  hit.point = hit.result == RayHit::Result::kNothing ? Eigen::Vector3d(origin + max_range * direction.normalized())
-                                                     : Eigen::Vector3d(ray.at(end) * options_.resolution);
+  hit.point = hit.result == RayHit::Result::kNothing
+                  ? Eigen::Vector3d(origin + max_range * direction.normalized())
+                  : Eigen::Vector3d(ray.at(end) * options_.resolution);
   return hit;
 }
 

@@ -22,28 +22,34 @@ std::uint64_t spread(std::uint64_t v) {
 
 // Place of a box's centre along a Z-order curve.
 std::uint64_t zOrder(const VoxelBox& b) {
-  const auto coordinate = [&b](int axis) { return spread(static_cast<std::uint16_t>((b.min[axis] + b.max[axis]) / 2 + 32768)); };
+  const auto coordinate = [&b](int axis) {
+    return spread(static_cast<std::uint16_t>((b.min[axis] + b.max[axis]) / 2 + 32768));
+  };
   return coordinate(0) | coordinate(1) << 1 | coordinate(2) << 2;
 }
 
 // Entry i of n that are shared out evenly among `nodes` nodes begins here.
-std::size_t share(std::size_t n, std::size_t nodes, std::size_t i) { return n * i / nodes; }
+std::size_t share(std::size_t n, std::size_t nodes, std::size_t i) {
+  return n * i / nodes;
+}
 
 }  // namespace
 
 void RTreeOptions::validate() const {
   if (max_entries < 2 || max_entries > 256) {
-    throw std::invalid_argument("max_entries (M) is " + std::to_string(max_entries) + ", allowed is 2 to 256");
+    throw std::invalid_argument("max_entries (M) is " + std::to_string(max_entries) +
+                                ", allowed is 2 to 256");
   }
   if (min_entries < 1 || min_entries > max_entries / 2) {
-    throw std::invalid_argument("min_entries (d) is " + std::to_string(min_entries) + ", allowed is 1 to M / 2 = " +
-                                std::to_string(max_entries / 2));
+    throw std::invalid_argument("min_entries (d) is " + std::to_string(min_entries) +
+                                ", allowed is 1 to M / 2 = " + std::to_string(max_entries / 2));
   }
 }
 
 RTree::RTree(const RTreeOptions& options) : options_(options) {
   options_.validate();
-  const std::size_t entry = sizeof(VoxelBox) + sizeof(Payload) + (options_.store_reflectivity ? sizeof(Reflectivity) : 0);
+  const std::size_t entry =
+      sizeof(VoxelBox) + sizeof(Payload) + (options_.store_reflectivity ? sizeof(Reflectivity) : 0);
   stride_ = sizeof(Node) + entry * options_.max_entries;
   root_ = allocateNode(0);
 }
@@ -52,7 +58,8 @@ RTree::RTree(RTree&&) noexcept = default;
 RTree& RTree::operator=(RTree&&) noexcept = default;
 RTree::~RTree() = default;
 
-// ---------------------------------------------------------------------------------------------- nodes and entries
+// ---------------------------------------------------------------------------------------------- nodes and
+// entries
 
 RTree::NodeId RTree::allocateNode(int level) {
   NodeId id;
@@ -83,7 +90,8 @@ RTree::Entry RTree::cellEntry(const Cell& cell) {
 }
 
 RTree::Entry RTree::entryAt(Node* n, int i) const {
-  return {boxes(n)[i], payloads(n)[i], n->level == 0 && options_.store_reflectivity ? reflectivities(n)[i] : Reflectivity()};
+  return {boxes(n)[i], payloads(n)[i],
+          n->level == 0 && options_.store_reflectivity ? reflectivities(n)[i] : Reflectivity()};
 }
 
 void RTree::setEntry(Node* n, int i, const Entry& e) {
@@ -92,10 +100,14 @@ void RTree::setEntry(Node* n, int i, const Entry& e) {
   if (n->level == 0 && options_.store_reflectivity) reflectivities(n)[i] = e.reflectivity;
 }
 
-void RTree::removeEntry(Node* n, int i) { setEntry(n, i, entryAt(n, --n->count)); }
+void RTree::removeEntry(Node* n, int i) {
+  setEntry(n, i, entryAt(n, --n->count));
+}
 
 // Entry i of an inner node: its child learns who its parent is.
-void RTree::adopt(NodeId parent, Node* n, int i) { node(payloads(n)[i].child & ~kOccupiedBit)->parent = parent; }
+void RTree::adopt(NodeId parent, Node* n, int i) {
+  node(payloads(n)[i].child & ~kOccupiedBit)->parent = parent;
+}
 
 int RTree::slotInParent(NodeId id) const {
   const Payload* p = payloads(node(node(id)->parent));
@@ -111,7 +123,8 @@ RTree::Entry RTree::summary(NodeId id) const {
   bool occupied = false;
   for (int i = 0; i < n->count; ++i) {
     e.box = unite(e.box, boxes(n)[i]);
-    occupied |= n->level == 0 ? isOccupied(payloads(n)[i].log_odds) : (payloads(n)[i].child & kOccupiedBit) != 0;
+    occupied |=
+        n->level == 0 ? isOccupied(payloads(n)[i].log_odds) : (payloads(n)[i].child & kOccupiedBit) != 0;
   }
   e.payload.child = id | (occupied ? kOccupiedBit : 0);
   return e;
@@ -129,10 +142,13 @@ void RTree::refit(NodeId id) {
   }
 }
 
-VoxelBox RTree::bounds() const { return summary(root_).box; }
+VoxelBox RTree::bounds() const {
+  return summary(root_).box;
+}
 
 std::size_t RTree::memoryUsage() const {
-  return sizeof(*this) + chunks_.size() * (kChunk * stride_ + sizeof(chunks_[0])) + free_.capacity() * sizeof(NodeId);
+  return sizeof(*this) + chunks_.size() * (kChunk * stride_ + sizeof(chunks_[0])) +
+         free_.capacity() * sizeof(NodeId);
 }
 
 void RTree::clear() {
@@ -143,7 +159,8 @@ void RTree::clear() {
   root_ = allocateNode(0);
 }
 
-// ------------------------------------------------------------------------------------------- insertion and deletion
+// ------------------------------------------------------------------------------------------- insertion and
+// deletion
 
 void RTree::insert(const Cell& cell) {
   insertEntry(cellEntry(cell), 0);
@@ -225,7 +242,8 @@ bool RTree::erase(const VoxelBox& box) {
       Node* n = tree.node(id);
       for (int i = 0; i < n->count; ++i) {
         const VoxelBox& b = tree.boxes(n)[i];
-        if (n->level > 0 && b.contains(box) && (*this)(tree.payloads(n)[i].child & ~kOccupiedBit)) return true;
+        if (n->level > 0 && b.contains(box) && (*this)(tree.payloads(n)[i].child & ~kOccupiedBit))
+          return true;
         if (n->level == 0 && b == box) {
           leaf = id;
           slot = i;
@@ -270,7 +288,8 @@ void RTree::shortenRoot() {
   }
 }
 
-// ------------------------------------------------------------------------------------------------- many at a time
+// ------------------------------------------------------------------------------------------------- many at a
+// time
 
 void RTree::replace(const VoxelBox& region, const std::vector<Cell>& cells) {
   leaves_.clear();
@@ -281,7 +300,8 @@ void RTree::replace(const VoxelBox& region, const std::vector<Cell>& cells) {
   num_cells_ += cells.size();
 
   const std::size_t total = added_.size() + kept_.size();
-  const auto d = static_cast<std::size_t>(options_.min_entries), M = static_cast<std::size_t>(options_.max_entries);
+  const auto d = static_cast<std::size_t>(options_.min_entries),
+             M = static_cast<std::size_t>(options_.max_entries);
   const bool root_is_leaf = node(root_)->level == 0;
   if (!root_is_leaf && added_.size() >= d && kept_.size() >= d) {
     pack(added_.data(), added_.size());
@@ -313,7 +333,8 @@ void RTree::collectReplaced(NodeId id, const VoxelBox& region) {
     }
     return;
   }
-  const auto replaced = std::count_if(box, box + n->count, [&region](const VoxelBox& b) { return region.contains(b); });
+  const auto replaced =
+      std::count_if(box, box + n->count, [&region](const VoxelBox& b) { return region.contains(b); });
   if (replaced == 0 && id != root_) return;
   leaves_.push_back(id);
   num_cells_ -= replaced;
@@ -331,7 +352,8 @@ void RTree::pack(const Entry* entries, std::size_t count) {
     const NodeId id = is_new ? allocateNode(0) : leaves_.back();
     Node* n = node(id);
     n->count = 0;
-    for (std::size_t i = share(count, nodes, k); i < share(count, nodes, k + 1); ++i) setEntry(n, n->count++, entries[i]);
+    for (std::size_t i = share(count, nodes, k); i < share(count, nodes, k + 1); ++i)
+      setEntry(n, n->count++, entries[i]);
     if (is_new) {
       insertEntry(summary(id), 1);
     } else {
@@ -345,7 +367,8 @@ void RTree::bulkLoad(std::vector<Cell> cells) {
   std::vector<Entry> entries;
   entries.reserve(cells.size());
   for (const Cell& c : cells) entries.push_back(cellEntry(c));
-  std::sort(entries.begin(), entries.end(), [](const Entry& a, const Entry& b) { return zOrder(a.box) < zOrder(b.box); });
+  std::sort(entries.begin(), entries.end(),
+            [](const Entry& a, const Entry& b) { return zOrder(a.box) < zOrder(b.box); });
   num_cells_ = entries.size();
   rebuild(entries);
 }
@@ -374,7 +397,8 @@ void RTree::rebuild(std::vector<Entry>& entries) {
   node(root_)->parent = kNone;
 }
 
-// --------------------------------------------------------------------------------------------------- invariants
+// ---------------------------------------------------------------------------------------------------
+// invariants
 
 std::string RTree::checkInvariants() const {
   std::ostringstream broken;
@@ -387,8 +411,10 @@ std::string RTree::checkInvariants() const {
       Node* n = tree.node(id);
       ++nodes;
       const int least = id != tree.root_ ? tree.options_.min_entries : level > 0 ? 2 : 0;
-      if (n->level != level) broken << "node " << id << " has level " << n->level << ", not " << level << "\n";
-      if (n->parent != parent) broken << "node " << id << " has parent " << n->parent << ", not " << parent << "\n";
+      if (n->level != level)
+        broken << "node " << id << " has level " << n->level << ", not " << level << "\n";
+      if (n->parent != parent)
+        broken << "node " << id << " has parent " << n->parent << ", not " << parent << "\n";
       if (n->count < least || n->count > tree.options_.max_entries) {
         broken << "node " << id << " holds " << n->count << " entries, allowed is " << least << " to M\n";
       }
@@ -400,7 +426,8 @@ std::string RTree::checkInvariants() const {
         const NodeId child = tree.payloads(n)[i].child & ~kOccupiedBit;
         const Entry expected = tree.summary(child);
         if (tree.boxes(n)[i] != expected.box) broken << "the box of node " << child << " is not tight\n";
-        if (tree.payloads(n)[i].child != expected.payload.child) broken << "the flag of node " << child << " is wrong\n";
+        if (tree.payloads(n)[i].child != expected.payload.child)
+          broken << "the flag of node " << child << " is wrong\n";
         (*this)(child, id, level - 1);
       }
     }

@@ -11,7 +11,9 @@ namespace {
 
 constexpr std::uint8_t kUnassigned = 2;
 
-std::int64_t expansion(const VoxelBox& box, const VoxelBox& by) { return unite(box, by).volume() - box.volume(); }
+std::int64_t expansion(const VoxelBox& box, const VoxelBox& by) {
+  return unite(box, by).volume() - box.volume();
+}
 
 // Two growing groups; the one that needs all that is left to reach the minimum gets it.
 class Groups {
@@ -30,7 +32,9 @@ class Groups {
 
   // Least expansion, then the smaller volume, then the fewer entries.
   void assign(int i) {
-    const auto cost = [&](int g) { return std::make_tuple(expansionOf(g, i), bounds_[g].volume(), count_[g]); };
+    const auto cost = [&](int g) {
+      return std::make_tuple(expansionOf(g, i), bounds_[g].volume(), count_[g]);
+    };
     int g = cost(1) < cost(0) ? 1 : 0;
     if (count_[g] == most_) g = 1 - g;
     group_[i] = static_cast<std::uint8_t>(g);
@@ -48,8 +52,8 @@ class Groups {
   std::vector<std::uint8_t> group_;
 };
 
-// Section 2.4.1, "Quadratic Splitting": the seeds waste the most volume together (metric J); then always the box
-// that prefers one group over the other the most.
+// Section 2.4.1, "Quadratic Splitting": the seeds waste the most volume together (metric J); then always the
+// box that prefers one group over the other the most.
 std::vector<std::uint8_t> splitQuadratic(const std::vector<VoxelBox>& boxes, int min_entries) {
   const int n = static_cast<int>(boxes.size());
   int seed0 = 0, seed1 = 1;
@@ -81,7 +85,8 @@ std::vector<std::uint8_t> splitQuadratic(const std::vector<VoxelBox>& boxes, int
   return groups.take();
 }
 
-// Guttman's LinearPickSeeds: along each axis the two boxes that are furthest apart, as a share of the whole width.
+// Guttman's LinearPickSeeds: along each axis the two boxes that are furthest apart, as a share of the whole
+// width.
 std::vector<std::uint8_t> splitLinear(const std::vector<VoxelBox>& boxes, int min_entries) {
   const int n = static_cast<int>(boxes.size());
   const VoxelBox all = std::accumulate(boxes.begin(), boxes.end(), VoxelBox::empty(), unite);
@@ -96,7 +101,8 @@ std::vector<std::uint8_t> splitLinear(const std::vector<VoxelBox>& boxes, int mi
     for (int i = 0; i < n; ++i) {
       if (i != high_min && boxes[i].max[axis] < boxes[low_max].max[axis]) low_max = i;
     }
-    const double separation = static_cast<double>(boxes[high_min].min[axis] - boxes[low_max].max[axis]) / all.width(axis);
+    const double separation =
+        static_cast<double>(boxes[high_min].min[axis] - boxes[low_max].max[axis]) / all.width(axis);
     if (separation > best) {
       best = separation;
       seed0 = low_max;
@@ -110,8 +116,8 @@ std::vector<std::uint8_t> splitLinear(const std::vector<VoxelBox>& boxes, int mi
   return groups.take();
 }
 
-// Beckmann et al., section 4.2: the axis with the least sum of margins over all distributions of the sorted boxes,
-// on it the distribution with the least overlap, then the least volume.
+// Beckmann et al., section 4.2: the axis with the least sum of margins over all distributions of the sorted
+// boxes, on it the distribution with the least overlap, then the least volume.
 std::vector<std::uint8_t> splitRStar(const std::vector<VoxelBox>& boxes, int min_entries) {
   const int n = static_cast<int>(boxes.size());
   std::vector<int> order(n), best_order;
@@ -120,17 +126,21 @@ std::vector<std::uint8_t> splitRStar(const std::vector<VoxelBox>& boxes, int min
   std::int64_t least_margin = std::numeric_limits<std::int64_t>::max();
   for (int axis = 0; axis < 3; ++axis) {
     std::int64_t margin = 0;
-    auto least = std::make_tuple(std::numeric_limits<std::int64_t>::max(), std::numeric_limits<std::int64_t>::max());
+    auto least =
+        std::make_tuple(std::numeric_limits<std::int64_t>::max(), std::numeric_limits<std::int64_t>::max());
     std::vector<int> axis_order;
     int axis_count = 0;
     for (const bool by_max : {false, true}) {
       std::iota(order.begin(), order.end(), 0);
       std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
-        return by_max ? std::tie(boxes[a].max[axis], boxes[a].min[axis]) < std::tie(boxes[b].max[axis], boxes[b].min[axis])
-                      : std::tie(boxes[a].min[axis], boxes[a].max[axis]) < std::tie(boxes[b].min[axis], boxes[b].max[axis]);
+        return by_max ? std::tie(boxes[a].max[axis], boxes[a].min[axis]) <
+                            std::tie(boxes[b].max[axis], boxes[b].min[axis])
+                      : std::tie(boxes[a].min[axis], boxes[a].max[axis]) <
+                            std::tie(boxes[b].min[axis], boxes[b].max[axis]);
       });
       for (int i = 0; i < n; ++i) head[i] = i ? unite(head[i - 1], boxes[order[i]]) : boxes[order[i]];
-      for (int i = n - 1; i >= 0; --i) tail[i] = i < n - 1 ? unite(tail[i + 1], boxes[order[i]]) : boxes[order[i]];
+      for (int i = n - 1; i >= 0; --i)
+        tail[i] = i < n - 1 ? unite(tail[i + 1], boxes[order[i]]) : boxes[order[i]];
       for (int count = min_entries; count <= n - min_entries; ++count) {
         const VoxelBox &a = head[count - 1], &b = tail[count];
         margin += a.margin() + b.margin();
@@ -156,7 +166,8 @@ std::vector<std::uint8_t> splitRStar(const std::vector<VoxelBox>& boxes, int min
 
 }  // namespace
 
-std::vector<std::uint8_t> splitBoxes(SplitMethod method, const std::vector<VoxelBox>& boxes, int min_entries) {
+std::vector<std::uint8_t> splitBoxes(SplitMethod method, const std::vector<VoxelBox>& boxes,
+                                     int min_entries) {
   switch (method) {
     case SplitMethod::kLinear:
       return splitLinear(boxes, min_entries);

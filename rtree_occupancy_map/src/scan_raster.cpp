@@ -7,17 +7,13 @@
 namespace rtree_occupancy_map {
 namespace {
 
-// A voxel's place in its block in one integer: z | x << 6 | y << 12. The bit above each coordinate's five is set when
-// a step leaves the block. code >> 6 is the word in Mask::words, code & 31 the bit.
+// A voxel's place in its block in one integer: z | x << 6 | y << 12. The bit above each coordinate's five is
+// set when a step leaves the block. code >> 6 is the word in Mask::words, code & 31 the bit.
 constexpr int kShift[3] = {6, 12, 0};
 constexpr int kOutside = 1 << 5 | 1 << 11 | 1 << 17;
 
-// Distances along a beam are counted in voxels with 42 fractional bits: exact sums, and a comparison takes one cycle.
-constexpr double kFixedPoint = 1LL << 42;
-constexpr std::int64_t kNever = std::int64_t{1} << 61;
-
-std::int64_t toFixed(double voxels) {
-  return voxels < static_cast<double>(kNever) / kFixedPoint ? static_cast<std::int64_t>(voxels * kFixedPoint) : kNever;
+void mark(std::uint32_t* words, int code) {
+  words[code >> 6] |= 1u << (code & 31);
 }
 
 }  // namespace
@@ -26,9 +22,11 @@ void ScanRaster::start(const Eigen::Vector3f& origin) {
   origin_ = origin;
   toVoxel(origin, 1.0 / resolution_, origin_voxel_);
   blocks_.clear();
+  beams_.clear();
   if (table_.empty()) table_.resize(1 << 10);
   std::fill(table_.begin(), table_.end(), Bucket());
   last_hit_mask_ = nullptr;
+  origin_words_ = &masks_[slotOf(OccupancyMap::blockOf(origin_voxel_))]->words[0][0];
 }
 
 std::uint32_t ScanRaster::slotOf(const Block& block) {
@@ -77,51 +75,137 @@ bool ScanRaster::markHit(const Voxel& v) {
   return first;
 }
 
-// Amanatides and Woo 1987: always step over the nearest border. The number of steps to the end voxel is known, so
-// that rounding can't lead the beam past it.
-void ScanRaster::traceBeam(const Voxel& end, const Eigen::Vector3f& end_point) {
-  Eigen::Vector3f direction = end_point - origin_;
-  direction /= static_cast<float>(std::sqrt(static_cast<double>(direction.x() * direction.x() + direction.y() * direction.y() +
-                                                                direction.z() * direction.z())));
-  int steps = 0;
-  std::int64_t next[3], delta[3];  // distance to the next border, and from border to border
-  int offset[3];                   // of the code, for a step
+// Beams side by side touch the same memory: sector by sector, the masks of a sector stay in the cache.
+void ScanRaster::finish() {
+  constexpr int kSectors = 256;
+  const auto sectorOf = [this](const Beam& b) {
+    const float x = b.end_point.x() - origin_.x(), y = b.end_point.y() - origin_.y();
+    const float quarter =
+        y / (std::abs(x) + std::abs(y) + 1e-9F);  // -1 to 1, monotonic from -90 to 90 degrees
+    const int sector = static_cast<int>((quarter + 1.0F) * (kSectors / 4 - 1));
+    return x >= 0.0F ? sector : kSectors - 1 - sector;
+  };
+  std::array<std::uint32_t, kSectors + 1> begin{};
+  for (const Beam& b : beams_) ++begin[sectorOf(b) + 1];
+  for (int i = 0; i < kSectors; ++i) begin[i + 1] += begin[i];
+  sorted_beams_.resize(beams_.size());
+  for (const Beam& b : beams_) sorted_beams_[begin[sectorOf(b)]++] = b;
+  for (const Beam& b : sorted_beams_) traceBeam(b);
+}
+
+// Amanatides and Woo 1987: always step over the nearest border. The number of steps to the end voxel is
+// known, so that rounding can't lead the beam past it.
+struct ScanRaster::Walk {
+  double next[3];   // m, along the beam to the next border across each axis
+  double delta[3];  // m, from border to border
+  int offset[3];    // of the code, for a step
+  int distance[3];  // voxels to go, along each axis
+  int steps;        // left, along all axes
+  Block block;
+  std::uint32_t* words;
+  int code;
+
+  // Where a beam meets an edge or a corner, z comes before y and y before x.
+  int nearest() const { return next[0] < next[1] && next[0] < next[2] ? 0 : next[1] < next[2] ? 1 : 2; }
+};
+
+void ScanRaster::traceBeam(const Beam& beam) {
+  Eigen::Vector3f direction = beam.end_point - origin_;
+  direction /= static_cast<float>(std::sqrt(static_cast<double>(
+      direction.x() * direction.x() + direction.y() * direction.y() + direction.z() * direction.z())));
+  Walk walk;
+  walk.steps = 0;
+  int dominant = 0;
   for (int i = 0; i < 3; ++i) {
-    steps += std::abs(end[i] - origin_voxel_[i]);
-    const int sign = end[i] > origin_voxel_[i] ? 1 : -1;
-    offset[i] = sign * (1 << kShift[i]);
-    if (end[i] == origin_voxel_[i]) {  // no border to cross
-      next[i] = delta[i] = kNever;
+    const int distance = beam.end[i] - origin_voxel_[i], sign = distance > 0 ? 1 : -1;
+    walk.distance[i] = std::abs(distance);
+    walk.steps += std::abs(distance);
+    walk.offset[i] = sign * (1 << kShift[i]);
+    walk.next[i] = walk.delta[i] = std::numeric_limits<double>::max();
+    if (distance == 0) continue;  // no border to cross
+    const double border =
+        (origin_voxel_[i] + 0.5) * resolution_ + static_cast<float>(sign * resolution_ * 0.5);
+    walk.next[i] = (border - origin_[i]) / direction[i];
+    walk.delta[i] = resolution_ / std::abs(static_cast<double>(direction[i]));
+    if (walk.delta[i] < walk.delta[dominant]) dominant = i;
+  }
+  walk.block = OccupancyMap::blockOf(origin_voxel_);
+  walk.words = origin_words_;
+  walk.code =
+      (origin_voxel_[0] & 31) << kShift[0] | (origin_voxel_[1] & 31) << kShift[1] | (origin_voxel_[2] & 31);
+  switch (dominant) {
+    case 0:
+      stride<0>(walk);
+      break;
+    case 1:
+      stride<1>(walk);
+      break;
+    default:
+      stride<2>(walk);
+  }
+  while (walk.steps > 0) step(walk);
+}
+
+// Follows a step that has left the block across this axis.
+void ScanRaster::leaveBlock(Walk& walk, int axis) {
+  const int field = 31 << kShift[axis];
+  const bool forward = walk.offset[axis] > 0;
+  walk.block[axis] += forward ? 1 : -1;
+  walk.code = ((walk.code - walk.offset[axis]) & ~field) | (forward ? 0 : field);
+  walk.words = &masks_[slotOf(walk.block)]->words[0][0];
+}
+
+// Marks a voxel and steps over the next border; @return its axis.
+int ScanRaster::step(Walk& walk) {
+  mark(walk.words, walk.code);
+  const int axis = walk.nearest();
+  walk.next[axis] += walk.delta[axis];
+  walk.code += walk.offset[axis];
+  if (--walk.steps > 0 && (walk.code & kOutside) != 0) leaveBlock(walk, axis);
+  return axis;
+}
+
+// Between two borders across the dominant axis A there is at most one across each of the others, B and C. So
+// three voxels (not all different) are marked at a time, without a branch that would be as good as random.
+template <int A>
+void ScanRaster::stride(Walk& walk) {
+  constexpr int B = A == 0 ? 1 : 0, C = A == 2 ? 1 : 2;
+  const double da = walk.delta[A], db = walk.delta[B], dc = walk.delta[C];
+  constexpr double kDiagonal = 1.0 + 1e-9;  // rounding might put two borders across B between two across A
+  if (db < da * kDiagonal || dc < da * kDiagonal) return;
+  double ta = walk.next[A], tb = walk.next[B], tc = walk.next[C];
+  int code = walk.code, steps = walk.steps;
+  const int step_a = walk.offset[A], step_b = walk.offset[B], step_c = walk.offset[C];
+  std::uint32_t* words = walk.words;
+  for (int left = walk.distance[A]; left > 0; --left) {
+    const bool cross_b = B < A ? tb < ta : tb <= ta, cross_c = C < A ? tc < ta : tc <= ta;
+    const int by_b = step_b & -static_cast<int>(cross_b), by_c = step_c & -static_cast<int>(cross_c);
+    const int first = code + (tb < tc ? by_b : by_c), second = code + by_b + by_c;
+    if (((first | second) & kOutside) != 0) {
+      walk.next[A] = ta, walk.next[B] = tb, walk.next[C] = tc;
+      walk.code = code, walk.steps = steps, walk.words = words;
+      while (walk.steps > 0 && step(walk) != A) {
+      }
+      ta = walk.next[A], tb = walk.next[B], tc = walk.next[C];
+      code = walk.code, steps = walk.steps, words = walk.words;
       continue;
     }
-    const double border = (origin_voxel_[i] + 0.5) * resolution_ + static_cast<float>(sign * resolution_ * 0.5);
-    next[i] = toFixed((border - origin_[i]) / direction[i] / resolution_);
-    delta[i] = toFixed(1.0 / std::abs(static_cast<double>(direction[i])));
+    mark(words, code);
+    mark(words, first);
+    mark(words, second);
+    ta += da;
+    tb += cross_b ? db : 0.0;
+    tc += cross_c ? dc : 0.0;
+    code = second + step_a;
+    steps -= 1 + static_cast<int>(cross_b) + static_cast<int>(cross_c);
+    if ((code & kOutside) != 0 && steps > 0) {
+      walk.code = code;
+      leaveBlock(walk, A);
+      code = walk.code, words = walk.words;
+    }
   }
-
-  Block block = OccupancyMap::blockOf(origin_voxel_);
-  std::uint32_t* words = &masks_[slotOf(block)]->words[0][0];
-  int code = (origin_voxel_[0] & 31) << kShift[0] | (origin_voxel_[1] & 31) << kShift[1] | (origin_voxel_[2] & 31);
-  std::int64_t tx = next[0], ty = next[1], tz = next[2];
-  for (; steps > 0; --steps) {
-    words[code >> 6] |= 1u << (code & 31);
-    // Without branches: which border comes next is as good as random.
-    const std::int64_t x = -static_cast<std::int64_t>((tx < ty) & (tx < tz));
-    const std::int64_t y = -static_cast<std::int64_t>(ty < tz) & ~x;
-    const std::int64_t z = ~(x | y);
-    tx += delta[0] & x;
-    ty += delta[1] & y;
-    tz += delta[2] & z;
-    const int step = (offset[0] & static_cast<int>(x)) | (offset[1] & static_cast<int>(y)) | (offset[2] & static_cast<int>(z));
-    const int before = code;
-    code += step;
-    if ((code & kOutside) == 0) continue;
-    const int axis = x ? 0 : y ? 1 : 2;
-    const int field = 31 << kShift[axis];
-    block[axis] += step > 0 ? 1 : -1;
-    code = (before & ~field) | (step > 0 ? 0 : field);
-    if (steps > 1) words = &masks_[slotOf(block)]->words[0][0];
-  }
+  walk.next[A] = ta, walk.next[B] = tb, walk.next[C] = tc;
+  walk.code = code, walk.steps = steps, walk.words = words;
 }
 
 }  // namespace rtree_occupancy_map

@@ -30,8 +30,10 @@ class ScanRaster {
   /// @return true the first time that this scan ends in this voxel
   bool markHit(const Voxel& voxel);
 
-  /// Marks the voxels from the origin's to the one before `end`'s, which holds the point `end_point`, as crossed.
-  void traceBeam(const Voxel& end, const Eigen::Vector3f& end_point);
+  /// Marks the voxels from the origin's to the one before `end`, which holds the point `end_point` (m), as
+  /// crossed: at the latest by finish().
+  void addBeam(const Voxel& end, const Eigen::Vector3f& end_point) { beams_.push_back({end, end_point}); }
+  void finish();
 
   std::size_t size() const { return blocks_.size(); }
   const Block& block(std::size_t i) const { return blocks_[i]; }
@@ -50,14 +52,26 @@ class ScanRaster {
     std::uint32_t slot = 0;
   };
   static constexpr std::uint64_t kFree = ~std::uint64_t{0};
+  struct Beam {
+    Voxel end;
+    Eigen::Vector3f end_point;
+  };
   void grow();
+  struct Walk;
+  void traceBeam(const Beam& beam);
+  template <int A>
+  void stride(Walk& walk);
+  int step(Walk& walk);
+  void leaveBlock(Walk& walk, int axis);
 
   const double resolution_;
   Eigen::Vector3f origin_;
   Voxel origin_voxel_{};
+  std::uint32_t* origin_words_ = nullptr;
   std::vector<Block> blocks_;
   std::vector<std::unique_ptr<Mask>> masks_;  // at least as many as blocks; the rest is for the next scans
   std::vector<Bucket> table_;                 // open addressing, a power of two
+  std::vector<Beam> beams_, sorted_beams_;
   Block last_hit_block_{};
   Mask* last_hit_mask_ = nullptr;
 };

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
-// The two plain structs that everything here is made of: an axis-aligned cuboid in voxel coordinates, and a grid
-// cell (section 2.4: the tuple (R_i, o_i)).
+// The two plain structs that everything here is made of: an axis-aligned cuboid in voxel coordinates, and a
+// grid cell (section 2.4: the tuple (R_i, o_i)).
 #pragma once
 
 #include <algorithm>
@@ -25,11 +25,13 @@ struct VoxelBox {
 
   /// The neutral element of unite(): contains nothing.
   static VoxelBox empty() {
-    constexpr std::int16_t lo = std::numeric_limits<std::int16_t>::min(), hi = std::numeric_limits<std::int16_t>::max();
+    constexpr std::int16_t lo = std::numeric_limits<std::int16_t>::min(),
+                           hi = std::numeric_limits<std::int16_t>::max();
     return {{{hi, hi, hi}}, {{lo, lo, lo}}};
   }
   static VoxelBox all() {
-    constexpr std::int16_t lo = std::numeric_limits<std::int16_t>::min(), hi = std::numeric_limits<std::int16_t>::max();
+    constexpr std::int16_t lo = std::numeric_limits<std::int16_t>::min(),
+                           hi = std::numeric_limits<std::int16_t>::max();
     return {{{lo, lo, lo}}, {{hi, hi, hi}}};
   }
   static VoxelBox unit(const Voxel& v) {

@@ -3,7 +3,7 @@
 // Variable resolution 3D occupancy map (chapter 2): cuboids of equal log odds in an R-tree.
 #pragma once
 
-#include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -18,7 +18,8 @@
 
 namespace rtree_occupancy_map {
 
-/// The edge in voxels of the blocks that the map is updated, fused and reported by; no cell crosses a block's border.
+/// The edge in voxels of the blocks that the map is updated, fused and reported by; no cell crosses a block's
+/// border.
 constexpr int kBlockBits = 5;
 constexpr int kBlockSize = 1 << kBlockBits;
 
@@ -28,18 +29,18 @@ using Block = std::array<int, 3>;
 /// One scan in the map frame, metres.
 struct Scan {
   Eigen::Vector3f origin = Eigen::Vector3f::Zero();  ///< where the beams start
-  std::vector<Eigen::Vector3f> hits;                 ///< where they were reflected; non-finite points are counted, not used
-  std::vector<float> reflectivity;                   ///< empty, or one value for each hit
-  std::vector<Eigen::Vector3f> misses;               ///< ends of beams without a return: they only clear
+  std::vector<Eigen::Vector3f> hits;  ///< where they were reflected; non-finite points are counted, not used
+  std::vector<float> reflectivity;    ///< empty, or one value for each hit
+  std::vector<Eigen::Vector3f> misses;  ///< ends of beams without a return: they only clear
 };
 
 /// What insertScan did.
 struct InsertReport {
-  std::size_t hits = 0;           ///< points that ended in a voxel
-  std::size_t non_finite = 0;     ///< points left out: NaN or infinite
-  std::size_t too_near = 0;       ///< points left out: nearer than min_range
-  std::size_t beyond_range = 0;   ///< points cut at max_range
-  std::size_t outside = 0;        ///< points left out: outside of the voxel coordinates
+  std::size_t hits = 0;               ///< points that ended in a voxel
+  std::size_t non_finite = 0;         ///< points left out: NaN or infinite
+  std::size_t too_near = 0;           ///< points left out: nearer than min_range
+  std::size_t beyond_range = 0;       ///< points cut at max_range
+  std::size_t outside = 0;            ///< points left out: outside of the voxel coordinates
   std::vector<Block> changed_blocks;  ///< where any voxel's log odds changed
 };
 
@@ -47,9 +48,9 @@ enum class VoxelState { kUnknown, kFree, kOccupied };
 
 struct RayHit {
   enum class Result {
-    kOccupied,   ///< `cell` is the occupied cell that the ray ends at
-    kUnknown,    ///< the ray leaves known space here, and unknown space was not to be ignored
-    kNothing     ///< no occupied cell within the range
+    kOccupied,  ///< `cell` is the occupied cell that the ray ends at
+    kUnknown,   ///< the ray leaves known space here, and unknown space was not to be ignored
+    kNothing    ///< no occupied cell within the range
   };
   Result result = Result::kNothing;
   Eigen::Vector3d point = Eigen::Vector3d::Zero();  ///< m, where the ray ends
@@ -75,11 +76,12 @@ class OccupancyMap {
   const Options& options() const { return options_; }
   const RTree& tree() const { return tree_; }
 
-  /// Changes the range limits of Options for the scans to come (m). @throws std::invalid_argument as Options::validate
+  /// Changes the range limits of Options for the scans to come (m). @throws std::invalid_argument as
+  /// Options::validate
   void setRange(double min_range, double max_range);
 
-  /// Updates every voxel that the scan touches once (Eq. 2.7), an end point before a crossing beam, and fuses.
-  /// Beams run to the centre of the voxel that they end in.
+  /// Updates every voxel that the scan touches once (Eq. 2.7), an end point before a crossing beam, and
+  /// fuses. Beams run to the centre of the voxel that they end in.
   /// @throws std::invalid_argument if the origin is non-finite or outside of the map's coordinates, or if the
   ///   reflectivities don't match the hits; the map is then unchanged
   InsertReport insertScan(const Scan& scan);
@@ -89,7 +91,8 @@ class OccupancyMap {
   /// Makes all known voxels in the box (m) free. @return the blocks that changed
   std::vector<Block> clearBox(const Eigen::Vector3d& min, const Eigen::Vector3d& max);
 
-  // -------------------------------------------------------------------------------------------------- queries
+  // --------------------------------------------------------------------------------------------------
+  // queries
 
   /// The cell at a point (m); none where space is unknown.
   std::optional<Cell> cellAt(const Eigen::Vector3d& point) const;
@@ -123,7 +126,8 @@ class OccupancyMap {
 
   Statistics statistics() const;
 
-  // ---------------------------------------------------------------------------------------------- conversions
+  // ----------------------------------------------------------------------------------------------
+  // conversions
 
   bool isOccupied(const Cell& cell) const { return cell.log_odds >= options_.tree.occupied_log_odds; }
   static double probability(float log_odds);
@@ -137,11 +141,13 @@ class OccupancyMap {
     return {voxel[0] >> kBlockBits, voxel[1] >> kBlockBits, voxel[2] >> kBlockBits};
   }
 
-  // ---------------------------------------------------------------------------------------------------- files
+  // ----------------------------------------------------------------------------------------------------
+  // files
 
   /// Writes to a temporary name beside `path` and renames. @throws std::runtime_error with the reason
   void save(const std::string& path) const;
-  /// @throws std::runtime_error that says what is wrong with the file: foreign, another version, truncated, corrupted
+  /// @throws std::runtime_error that says what is wrong with the file: foreign, another version, truncated,
+  /// corrupted
   static OccupancyMap load(const std::string& path);
 
  private:
@@ -158,8 +164,8 @@ class OccupancyMap {
 
   Options options_;
   RTree tree_;
-  // Beside the tree: the voxels at the lower clamping threshold, for blocks that have many of them. A beam through
-  // them changes nothing, and most of what a scan crosses is such.
+  // Beside the tree: the voxels at the lower clamping threshold, for blocks that have many of them. A beam
+  // through them changes nothing, and most of what a scan crosses is such.
   std::unordered_map<std::uint64_t, std::unique_ptr<Rows>> settled_free_;
   std::unique_ptr<Insertion> insertion_;
 };

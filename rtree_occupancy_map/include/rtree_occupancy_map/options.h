@@ -38,17 +38,18 @@ struct Options {
   double prior = 0.5;                ///< probability of a voxel that was never observed
   double occupancy_threshold = 0.5;  ///< from this probability up a voxel is occupied
   double min_range = 0.0;            ///< m, nearer returns are dropped: the robot itself
-  double max_range = std::numeric_limits<double>::infinity();  ///< m, longer beams are cut here and only clear
+  double max_range =
+      std::numeric_limits<double>::infinity();  ///< m, longer beams are cut here and only clear
   SensorModel sensor_model = SensorModel::kBeam;
   FusionRule fusion_rule = FusionRule::kEqualValue;
   FusionStrategy fusion_strategy = FusionStrategy::kBlock;
-  /// Search order. Blocks: the axes along which a cuboid grows, first to last, a permutation of "xyz". Expansion:
-  /// the order of the directions while all sides are equal, otherwise the longer sides go first.
+  /// Search order. Blocks: the axes along which a cuboid grows, first to last, a permutation of "xyz".
+  /// Expansion: the order of the directions while all sides are equal, otherwise the longer sides go first.
   std::string search_order = "zxy";
   double samples_per_metre = 0.5;  ///< expansion only: cells selected along each beam, besides its end point
   std::uint64_t seed = 1;          ///< of that selection
-  /// true: a fused cell is updated like any other, and split where observations contradict it. false: once fused
-  /// beyond a clamping threshold it stays as it is, as in the thesis.
+  /// true: a fused cell is updated like any other, and split where observations contradict it. false: once
+  /// fused beyond a clamping threshold it stays as it is, as in the thesis.
   bool dynamic = true;
   bool reflectivity = false;  ///< cells carry the mean reflectivity of their returns
   RTreeOptions tree;          ///< order (d, M) and split; the other members are set by the map
@@ -59,9 +60,9 @@ struct Options {
 
 /// From the names that parameters and command lines use, e.g. "beam", "thesis", "block", "quadratic".
 /// @throws std::invalid_argument that names the parameter, the value and what is allowed
-SensorModel parseSensorModel(const std::string& name);     ///< beam | endpoint
-FusionRule parseFusionRule(const std::string& name);       ///< thesis | equal
+SensorModel parseSensorModel(const std::string& name);        ///< beam | endpoint
+FusionRule parseFusionRule(const std::string& name);          ///< thesis | equal
 FusionStrategy parseFusionStrategy(const std::string& name);  ///< block | expansion | none
-SplitMethod parseSplitMethod(const std::string& name);     ///< quadratic | linear | rstar
+SplitMethod parseSplitMethod(const std::string& name);        ///< quadratic | linear | rstar
 
 }  // namespace rtree_occupancy_map

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
-// R-tree of order (d, M) over grid cells (section 2.4; Guttman 1984). Besides Guttman's insertion and deletion it
-// can replace all cells of a box at once, which is how a scan enters: the leaves of the box are packed anew and only
-// leaves, not cells, climb the hierarchy.
+// R-tree of order (d, M) over grid cells (section 2.4; Guttman 1984). Besides Guttman's insertion and
+// deletion it can replace all cells of a box at once, which is how a scan enters: the leaves of the box are
+// packed anew and only leaves, not cells, climb the hierarchy.
 #pragma once
 
 #include <cstddef>
@@ -27,7 +27,8 @@ struct RTreeOptions {
   int max_entries = 16;  ///< M, 2 to 256: greatest number of entries of a node
   SplitMethod split = SplitMethod::kQuadratic;
   float occupied_log_odds = 0.0F;  ///< cells from here up count as occupied: see visitOccupied
-  bool store_reflectivity = false;  ///< otherwise the cells' reflectivity is dropped, which saves 8 bytes a cell
+  bool store_reflectivity =
+      false;  ///< otherwise the cells' reflectivity is dropped, which saves 8 bytes a cell
 
   /// @throws std::invalid_argument that names the parameter, its value and the allowed range
   void validate() const;
@@ -46,12 +47,13 @@ class RTree {
   /// Least expansion on the way down, ties by the smaller volume; a full node is split.
   void insert(const Cell& cell);
 
-  /// Removes the cell with exactly this box; nodes that fall below d dissolve and their entries are inserted again.
+  /// Removes the cell with exactly this box; nodes that fall below d dissolve and their entries are inserted
+  /// again.
   /// @return false where there is none
   bool erase(const VoxelBox& box);
 
-  /// Puts `cells` in the place of all cells that are contained in `region`. Cells that merely overlap it stay.
-  /// Neighbours in `cells` share leaves: order them by place.
+  /// Puts `cells` in the place of all cells that are contained in `region`. Cells that merely overlap it
+  /// stay. Neighbours in `cells` share leaves: order them by place.
   void replace(const VoxelBox& region, const std::vector<Cell>& cells);
 
   /// Replaces the whole content, packed along a Z-order curve.
@@ -59,11 +61,11 @@ class RTree {
 
   void clear();
 
-  std::size_t size() const { return num_cells_; }       ///< cells
-  std::size_t numNodes() const { return num_nodes_; }   ///< nodes of all levels, leaves and root included
-  int height() const { return node(root_)->level + 1; }      ///< 1: the root is a leaf
-  std::size_t memoryUsage() const;                      ///< bytes
-  VoxelBox bounds() const;                              ///< tight; VoxelBox::empty() without cells
+  std::size_t size() const { return num_cells_; }        ///< cells
+  std::size_t numNodes() const { return num_nodes_; }    ///< nodes of all levels, leaves and root included
+  int height() const { return node(root_)->level + 1; }  ///< 1: the root is a leaf
+  std::size_t memoryUsage() const;                       ///< bytes
+  VoxelBox bounds() const;                               ///< tight; VoxelBox::empty() without cells
 
   /// Depth first over the nodes and cells whose boxes pass `enter(box)`; `visit(cell)` returns false to stop.
   /// @return false if it was stopped
@@ -101,12 +103,39 @@ class RTree {
     return visitIf([&query](const VoxelBox& b) { return b.contains(query); }, visit);
   }
 
-  /// Best first: cells by increasing `distance(box)`, a lower bound that must not decrease from a box to a part of
-  /// it; infinity leaves a subtree out. `visit(cell, distance)` returns false to stop.
+  /// Leaf by leaf, for loops that count: `visit(leaf)` for each leaf that overlaps the query box.
+  template <class Visit>
+  void visitLeaves(const VoxelBox& query, Visit&& visit) const {
+    visitLeavesBelow(root_, query, visit);
+  }
+
+  /// Best first: cells by increasing `distance(box)`, a lower bound that must not decrease from a box to a
+  /// part of it; infinity leaves a subtree out. `visit(cell, distance)` returns false to stop.
   template <class Distance, class Visit>
   void visitByDistance(bool occupied_only, Distance&& distance, Visit&& visit) const;
 
-  /// One line for each broken invariant (fill, height, tight boxes, parents, flags, counts); empty if all hold.
+  /// The cells of one leaf.
+  class Leaf {
+   public:
+    int size() const { return size_; }
+    const VoxelBox& box(int i) const { return boxes_[i]; }
+    float logOdds(int i) const { return payloads_[i].log_odds; }
+    Reflectivity reflectivity(int i) const { return reflectivities_ ? reflectivities_[i] : Reflectivity(); }
+
+   private:
+    friend class RTree;
+    union Payload {
+      float log_odds;       // of a leaf's entry
+      std::uint32_t child;  // of an inner node's entry: node id | kOccupiedBit
+    };
+    int size_;
+    const VoxelBox* boxes_;
+    const Payload* payloads_;
+    const Reflectivity* reflectivities_;
+  };
+
+  /// One line for each broken invariant (fill, height, tight boxes, parents, flags, counts); empty if all
+  /// hold.
   std::string checkInvariants() const;
 
  private:
@@ -119,10 +148,7 @@ class RTree {
     std::uint16_t count;
     std::uint16_t level;  // 0: leaf
   };
-  union Payload {
-    float log_odds;       // of a leaf's entry
-    std::uint32_t child;  // of an inner node's entry: node id | kOccupiedBit
-  };
+  using Payload = Leaf::Payload;
   // An entry outside of a node, on its way from one to another.
   struct Entry {
     VoxelBox box;
@@ -136,7 +162,8 @@ class RTree {
   }
   VoxelBox* boxes(Node* n) const { return reinterpret_cast<VoxelBox*>(n + 1); }
   Payload* payloads(Node* n) const {
-    return reinterpret_cast<Payload*>(reinterpret_cast<char*>(n + 1) + sizeof(VoxelBox) * options_.max_entries);
+    return reinterpret_cast<Payload*>(reinterpret_cast<char*>(n + 1) +
+                                      sizeof(VoxelBox) * options_.max_entries);
   }
   Reflectivity* reflectivities(Node* n) const {
     return reinterpret_cast<Reflectivity*>(reinterpret_cast<char*>(n + 1) +
@@ -146,7 +173,8 @@ class RTree {
   static constexpr NodeId kChunk = 1u << kChunkBits;
 
   Cell cellAt(Node* n, int i) const {
-    return {boxes(n)[i], payloads(n)[i].log_odds, options_.store_reflectivity ? reflectivities(n)[i] : Reflectivity()};
+    return {boxes(n)[i], payloads(n)[i].log_odds,
+            options_.store_reflectivity ? reflectivities(n)[i] : Reflectivity()};
   }
   bool isOccupied(float log_odds) const { return log_odds >= options_.occupied_log_odds; }
 
@@ -161,10 +189,28 @@ class RTree {
         if (enter(box[i]) && !visit(cellAt(n, i))) return false;
       } else {
         if (kOccupiedOnly && !(payload[i].child & kOccupiedBit)) continue;
-        if (enter(box[i]) && !visitNode<kOccupiedOnly>(payload[i].child & ~kOccupiedBit, enter, visit)) return false;
+        if (enter(box[i]) && !visitNode<kOccupiedOnly>(payload[i].child & ~kOccupiedBit, enter, visit))
+          return false;
       }
     }
     return true;
+  }
+
+  template <class Visit>
+  void visitLeavesBelow(NodeId id, const VoxelBox& query, Visit& visit) const {
+    Node* n = node(id);
+    if (n->level == 0) {
+      Leaf leaf;
+      leaf.size_ = n->count;
+      leaf.boxes_ = boxes(n);
+      leaf.payloads_ = payloads(n);
+      leaf.reflectivities_ = options_.store_reflectivity ? reflectivities(n) : nullptr;
+      visit(leaf);
+      return;
+    }
+    for (int i = 0; i < n->count; ++i) {
+      if (query.overlaps(boxes(n)[i])) visitLeavesBelow(payloads(n)[i].child & ~kOccupiedBit, query, visit);
+    }
   }
 
   NodeId allocateNode(int level);
@@ -179,8 +225,8 @@ class RTree {
 
   void insertEntry(const Entry& entry, int level);
   void split(NodeId id, const Entry& extra);
-  void refit(NodeId id);          // brings the boxes and flags above up to date, as far as they change
-  void condense(NodeId id);       // after a removal: refit, or dissolve what has fallen below d
+  void refit(NodeId id);     // brings the boxes and flags above up to date, as far as they change
+  void condense(NodeId id);  // after a removal: refit, or dissolve what has fallen below d
   void shortenRoot();
   void collectReplaced(NodeId id, const VoxelBox& region);
   void pack(const Entry* entries, std::size_t count);

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <gtest/gtest.h>
+#include <rosbag_tests/world.h>
+
+#include <exception>
+#include <string>
+
+#include "temp_dir.h"
+
+namespace rosbag_tests {
+
+/// Expects `call` to throw something whose message contains `part`.
+template <typename Call>
+void expectError(Call call, const std::string& part) {
+  try {
+    call();
+    ADD_FAILURE() << "no exception; expected: " << part;
+  } catch (const std::exception& e) {
+    EXPECT_NE(std::string(e.what()).find(part), std::string::npos)
+        << "expected: " << part << "\nis: " << e.what();
+  }
+}
+
+inline std::string configFile(const std::string& name) {
+  return std::string(CONFIG_DIR) + "/" + name;
+}
+
+inline Shape makeShape(Shape::Type type, const Eigen::Vector3d& size,
+                       const Eigen::Isometry3d& pose = Eigen::Isometry3d::Identity(),
+                       double reflectivity = 0.5) {
+  Shape shape;
+  shape.type = type;
+  shape.size = size;
+  shape.pose = pose;
+  shape.texture.values = {reflectivity};
+  return shape;
+}
+
+inline Eigen::Isometry3d makePose(double x, double y, double z, double yaw = 0.0) {
+  return Eigen::Translation3d(x, y, z) * Eigen::Isometry3d(Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ()));
+}
+
+}  // namespace rosbag_tests

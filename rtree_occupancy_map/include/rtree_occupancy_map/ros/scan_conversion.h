@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <rtree_occupancy_map/occupancy_map.h>
+#include <sensor_msgs/LaserScan.h>
+#include <sensor_msgs/PointCloud2.h>
+
+#include <Eigen/Geometry>
+#include <cstddef>
+#include <limits>
+
+namespace rtree_occupancy_map {
+
+/// Which measurements become part of a Scan.
+struct ScanLimits {
+  /// m, map frame. Returns outside are left out as a whole: their beams don't clear either.
+  double min_z = -std::numeric_limits<double>::infinity();
+  double max_z = std::numeric_limits<double>::infinity();
+  bool no_return_clears = true;  ///< a laser beam without a return clears up to the sensor's range_max
+};
+
+struct ConvertedScan {
+  Scan scan;                      ///< non-finite points are still in it: the map counts them
+  std::size_t outside_z = 0;      ///< returns left out: outside of the limits in z
+  std::size_t below_minimum = 0;  ///< returns left out: nearer than the sensor's range_min
+};
+
+/// Points from the fields x y z (float32 or float64), reflectivity from the field `reflectivity`, or else
+/// `intensity`, of any numeric type. Other fields are ignored; the cloud may be organised.
+/// @throws std::invalid_argument that says what is malformed
+ConvertedScan toScan(const sensor_msgs::PointCloud2& cloud, const Eigen::Isometry3d& sensor_in_map,
+                     const ScanLimits& limits);
+
+/// Ranges after REP 117: +inf or beyond range_max is no return; NaN, -inf and below range_min is no measurement.
+/// The sensor is taken to stand still during the sweep.
+/// @throws std::invalid_argument that says what is malformed
+ConvertedScan toScan(const sensor_msgs::LaserScan& scan, const Eigen::Isometry3d& sensor_in_map,
+                     const ScanLimits& limits);
+
+}  // namespace rtree_occupancy_map

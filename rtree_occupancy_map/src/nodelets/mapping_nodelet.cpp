@@ -1,0 +1,448 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// Builds an occupancy map from point clouds and laser scans. Everything but the reception of transforms happens in
+// the nodelet's single-threaded callback queue, so that nothing here needs a lock.
+#include <diagnostic_updater/diagnostic_updater.h>
+#include <dynamic_reconfigure/server.h>
+#include <mapping_msgs/LoadMap.h>
+#include <mapping_msgs/SaveMap.h>
+#include <nodelet/nodelet.h>
+#include <pluginlib/class_list_macros.hpp>
+#include <rtree_occupancy_map/BoundingBoxQuery.h>
+#include <rtree_occupancy_map/CastRay.h>
+#include <rtree_occupancy_map/CellsInBox.h>
+#include <rtree_occupancy_map/MappingConfig.h>
+#include <std_srvs/Empty.h>
+#include <tf2_eigen/tf2_eigen.h>
+#include <tf2_ros/buffer.h>
+#include <tf2_ros/message_filter.h>
+#include <tf2_ros/transform_listener.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <memory>
+#include <sstream>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "rtree_occupancy_map/ros/cell_conversion.h"
+#include "rtree_occupancy_map/ros/map_publisher.h"
+#include "rtree_occupancy_map/ros/parameters.h"
+#include "rtree_occupancy_map/ros/scan_conversion.h"
+
+namespace rtree_occupancy_map {
+namespace {
+
+// Why a message was dropped.
+enum Reason { kNoTransform, kMalformed, kEmpty, kTimeJump, kNumReasons };
+constexpr std::array<const char*, kNumReasons> kReasons = {"no transform", "malformed", "empty", "time jump"};
+
+// Stamps of one topic may be out of order by this much before time is said to have jumped back.
+const ros::Duration kOutOfOrder(1.0);
+
+constexpr std::uint32_t kDisplayLevel = 1;  // see Mapping.cfg
+
+// One input topic: its messages wait in the filter until their transform is known.
+template <class Message>
+struct Input {
+  ros::Subscriber subscriber;
+  std::unique_ptr<tf2_ros::MessageFilter<Message>> filter;
+  ros::Time last_stamp;
+  std::size_t received = 0;  // since the last diagnostics
+  std::size_t waiting = 0;
+};
+
+// What happened since the last diagnostics.
+struct Activity {
+  std::size_t insertions = 0, publications = 0, drops = 0;
+  double insertion_time = 0.0, longest_insertion = 0.0;  // s
+  double publication_time = 0.0;
+};
+
+bool isEmpty(const sensor_msgs::PointCloud2& cloud) { return cloud.width == 0 || cloud.height == 0; }
+bool isEmpty(const sensor_msgs::LaserScan& scan) { return scan.ranges.empty(); }
+
+void requireAbsolute(const std::string& path) {
+  if (path.empty() || path[0] != '/') {
+    throw std::invalid_argument("path is '" + path + "', allowed is an absolute path");
+  }
+}
+
+}  // namespace
+
+class MappingNodelet : public nodelet::Nodelet {
+ public:
+  ~MappingNodelet() override;
+
+ private:
+  void onInit() override;
+  void start();
+  template <class Message>
+  void listen(Input<Message>& input, const std::string& topic, const MappingParameters& parameters);
+
+  template <class Message>
+  void arrived(Input<Message>& input, const boost::shared_ptr<const Message>& message);
+  template <class Message>
+  void insert(const Message& message);
+  void timeJumpedBack(const ros::Duration& by);
+  void drop(Reason reason, const std::string& why, std::size_t count = 1);
+
+  bool saveMap(mapping_msgs::SaveMap::Request& request, mapping_msgs::SaveMap::Response& response);
+  bool loadMap(mapping_msgs::LoadMap::Request& request, mapping_msgs::LoadMap::Response& response);
+  bool reset(std_srvs::Empty::Request&, std_srvs::Empty::Response&);
+  bool clearBox(BoundingBoxQuery::Request& request, BoundingBoxQuery::Response&);
+  bool cellsInBox(CellsInBox::Request& request, CellsInBox::Response& response);
+  bool castRay(CastRay::Request& request, CastRay::Response& response);
+  bool isBox(const geometry_msgs::Point& min, const geometry_msgs::Point& max) const;
+
+  std::string load(const std::string& path);
+  void reconfigure(MappingConfig& config, std::uint32_t level);
+  void publish();
+  void diagnose();
+  void diagnoseInput(diagnostic_updater::DiagnosticStatusWrapper& status);
+  void diagnoseMap(diagnostic_updater::DiagnosticStatusWrapper& status);
+
+  OccupancyMap map_;
+  std::unique_ptr<MapPublisher> publisher_;
+  ScanLimits scan_limits_;
+  std::string frame_id_, save_on_shutdown_;
+
+  tf2_ros::Buffer tf_buffer_;
+  Input<sensor_msgs::PointCloud2> clouds_;
+  Input<sensor_msgs::LaserScan> scans_;
+  std::unique_ptr<tf2_ros::TransformListener> tf_listener_;  // gone before the filters that it feeds
+
+  std::vector<ros::ServiceServer> services_;
+  ros::WallTimer publish_timer_, diagnostics_timer_;
+  boost::recursive_mutex reconfigure_mutex_;
+  std::unique_ptr<dynamic_reconfigure::Server<MappingConfig>> reconfigure_server_;
+  MappingConfig config_;
+
+  std::unique_ptr<diagnostic_updater::Updater> diagnostics_;
+  ros::WallTime last_diagnostics_;
+  Activity activity_;
+  std::array<std::size_t, kNumReasons> dropped_{};
+  InsertReport points_;  // sums over all scans
+  std::size_t inserted_ = 0, points_outside_z_ = 0, points_below_minimum_ = 0;
+};
+
+MappingNodelet::~MappingNodelet() {
+  if (save_on_shutdown_.empty() || map_.tree().size() == 0) return;
+  try {
+    map_.save(save_on_shutdown_);
+    NODELET_INFO_STREAM("Wrote " << map_.tree().size() << " cells to " << save_on_shutdown_);
+  } catch (const std::exception& e) {
+    NODELET_ERROR_STREAM("The map is lost: " << e.what());
+  }
+}
+
+void MappingNodelet::onInit() {
+  try {
+    start();
+  } catch (const std::exception& e) {
+    NODELET_FATAL_STREAM("Not started: " << e.what());
+    throw;  // the manager then reports that the nodelet could not be loaded
+  }
+}
+
+void MappingNodelet::start() {
+  ros::NodeHandle& node = getNodeHandle();
+  ros::NodeHandle& private_node = getPrivateNodeHandle();
+  XmlRpc::XmlRpcValue values;
+  private_node.getParam(private_node.getNamespace(), values);
+  Parameters reader(values);
+  const MappingParameters parameters = readMappingParameters(reader);
+  reader.rejectUnknown("reconfigure/");
+
+  frame_id_ = parameters.display.frame_id;
+  scan_limits_ = parameters.scan;
+  config_.min_range = parameters.map.min_range;
+  config_.max_range = std::isinf(parameters.map.max_range) ? -1.0 : parameters.map.max_range;
+  config_.publish_rate = parameters.publish_rate;
+  config_.color_mode = parameters.color_mode;
+  config_.color_min = parameters.display.color.min;
+  config_.color_max = parameters.display.color.max;
+  config_.occupancy_min_z = parameters.display.occupancy_min_z;
+  config_.occupancy_max_z = parameters.display.occupancy_max_z;
+
+  map_ = OccupancyMap(parameters.map);
+  if (!parameters.map_file.empty()) NODELET_INFO_STREAM(load(parameters.map_file));
+  publisher_ = std::make_unique<MapPublisher>(node, parameters.display, map_);
+  // Wall time: what a bag brought is shown and reported while it is paused, too.
+  publish_timer_ = node.createWallTimer(ros::WallDuration(1.0 / parameters.publish_rate),
+                                        [this](const ros::WallTimerEvent&) { publish(); });
+  reconfigure_server_ =
+      std::make_unique<dynamic_reconfigure::Server<MappingConfig>>(reconfigure_mutex_, ros::NodeHandle(private_node, "reconfigure"));
+  reconfigure_server_->updateConfig(config_);
+  reconfigure_server_->setCallback(
+      [this](MappingConfig& config, std::uint32_t level) { reconfigure(config, level); });
+
+  tf_listener_ = std::make_unique<tf2_ros::TransformListener>(tf_buffer_);
+  listen(clouds_, "cloud_in", parameters);
+  listen(scans_, "scan", parameters);
+  services_ = {private_node.advertiseService("save_map", &MappingNodelet::saveMap, this),
+               private_node.advertiseService("load_map", &MappingNodelet::loadMap, this),
+               private_node.advertiseService("reset", &MappingNodelet::reset, this),
+               private_node.advertiseService("clear_bbx", &MappingNodelet::clearBox, this),
+               private_node.advertiseService("cells_in_box", &MappingNodelet::cellsInBox, this),
+               private_node.advertiseService("cast_ray", &MappingNodelet::castRay, this)};
+
+  diagnostics_ = std::make_unique<diagnostic_updater::Updater>(node, private_node, getName());
+  diagnostics_->setHardwareID("none");
+  diagnostics_->add("Input", this, &MappingNodelet::diagnoseInput);
+  diagnostics_->add("Map", this, &MappingNodelet::diagnoseMap);
+  last_diagnostics_ = ros::WallTime::now();
+  diagnostics_timer_ =
+      node.createWallTimer(ros::WallDuration(1.0), [this](const ros::WallTimerEvent&) { diagnose(); });
+  save_on_shutdown_ = parameters.save_on_shutdown;
+}
+
+// -------------------------------------------------------------------------------------------------------- input
+
+template <class Message>
+void MappingNodelet::listen(Input<Message>& input, const std::string& topic, const MappingParameters& parameters) {
+  using Pointer = boost::shared_ptr<const Message>;
+  input.filter = std::make_unique<tf2_ros::MessageFilter<Message>>(tf_buffer_, frame_id_, parameters.queue_size,
+                                                                   getNodeHandle());
+  input.filter->setTolerance(ros::Duration(parameters.transform_tolerance));
+  input.filter->registerCallback([this, &input](const Pointer& message) {
+    --input.waiting;
+    insert(*message);
+  });
+  input.filter->registerFailureCallback([this, &input](const Pointer& message, tf2_ros::FilterFailureReason) {
+    --input.waiting;
+    const std_msgs::Header& header = message->header;
+    std::string why = "it stayed in the queue for too long";
+    if (header.frame_id.empty()) {
+      drop(kMalformed, "it has no frame_id");
+    } else {
+      tf_buffer_.canTransform(frame_id_, header.frame_id, header.stamp, ros::Duration(0.0), &why);
+      drop(kNoTransform, why);
+    }
+  });
+  input.subscriber = getNodeHandle().subscribe<Message>(
+      topic, parameters.queue_size, [this, &input](const Pointer& message) { arrived(input, message); });
+}
+
+template <class Message>
+void MappingNodelet::arrived(Input<Message>& input, const boost::shared_ptr<const Message>& message) {
+  ++input.received;
+  const ros::Time stamp = message->header.stamp;
+  if (stamp + kOutOfOrder < input.last_stamp) timeJumpedBack(input.last_stamp - stamp);
+  input.last_stamp = stamp;
+  if (isEmpty(*message)) {
+    drop(kEmpty, "nothing was measured in it");
+    return;
+  }
+  ++input.waiting;
+  input.filter->add(message);
+}
+
+// Transforms and waiting messages are of another time now; the map stays.
+void MappingNodelet::timeJumpedBack(const ros::Duration& by) {
+  NODELET_WARN_STREAM("Time jumped back by " << by << " s: transforms are forgotten, the map goes on");
+  tf_buffer_.clear();
+  const std::size_t waiting = clouds_.waiting + scans_.waiting;
+  clouds_.filter->clear();
+  scans_.filter->clear();
+  clouds_.waiting = scans_.waiting = 0;
+  clouds_.last_stamp = scans_.last_stamp = ros::Time();
+  if (waiting > 0) drop(kTimeJump, "it waited for a transform", waiting);
+}
+
+template <class Message>
+void MappingNodelet::insert(const Message& message) {
+  const std_msgs::Header& header = message.header;
+  try {
+    const auto transform = tf_buffer_.lookupTransform(frame_id_, header.frame_id, header.stamp);
+    const ConvertedScan converted = toScan(message, tf2::transformToEigen(transform), scan_limits_);
+    const ros::WallTime start = ros::WallTime::now();
+    const InsertReport report = map_.insertScan(converted.scan);
+    const double time = (ros::WallTime::now() - start).toSec();
+    publisher_->changed(report.changed_blocks, header.stamp);
+
+    ++inserted_;
+    ++activity_.insertions;
+    activity_.insertion_time += time;
+    activity_.longest_insertion = std::max(activity_.longest_insertion, time);
+    points_.hits += report.hits;
+    points_.non_finite += report.non_finite;
+    points_.too_near += report.too_near + converted.below_minimum;
+    points_.beyond_range += report.beyond_range;
+    points_.outside += report.outside;
+    points_outside_z_ += converted.outside_z;
+  } catch (const tf2::TransformException& e) {
+    drop(kNoTransform, e.what());
+  } catch (const std::invalid_argument& e) {
+    drop(kMalformed, e.what());
+  }
+}
+
+void MappingNodelet::drop(Reason reason, const std::string& why, std::size_t count) {
+  dropped_[reason] += count;
+  activity_.drops += count;
+  std::ostringstream counts;
+  for (int r = 0; r < kNumReasons; ++r) counts << (r > 0 ? ", " : "") << dropped_[r] << ' ' << kReasons[r];
+  NODELET_WARN_STREAM_THROTTLE(5.0, "Dropped a message (" << kReasons[reason] << "): " << why << ". So far: "
+                                                          << counts.str());
+}
+
+// ----------------------------------------------------------------------------------------------------- services
+
+bool MappingNodelet::saveMap(mapping_msgs::SaveMap::Request& request, mapping_msgs::SaveMap::Response& response) {
+  try {
+    requireAbsolute(request.path);
+    map_.save(request.path);
+    response.success = true;
+    response.message = "Wrote " + std::to_string(map_.tree().size()) + " cells to " + request.path;
+  } catch (const std::exception& e) {
+    response.message = e.what();
+  }
+  return true;
+}
+
+bool MappingNodelet::loadMap(mapping_msgs::LoadMap::Request& request, mapping_msgs::LoadMap::Response& response) {
+  try {
+    requireAbsolute(request.path);
+    response.message = load(request.path);
+    response.success = true;
+    publisher_->restart();
+  } catch (const std::exception& e) {
+    response.message = e.what();
+  }
+  return true;
+}
+
+// A map comes with all that it was built with, but for the limits of the range.
+std::string MappingNodelet::load(const std::string& path) {
+  OccupancyMap map = OccupancyMap::load(path);
+  map.setRange(config_.min_range, maxRange(config_.max_range));
+  map_ = std::move(map);
+  std::ostringstream text;
+  text << "Read " << map_.tree().size() << " cells of a map of " << map_.options().resolution << " m from " << path
+       << ". Its resolution, sensor model and fusion replace those of the parameters";
+  return text.str();
+}
+
+bool MappingNodelet::reset(std_srvs::Empty::Request&, std_srvs::Empty::Response&) {
+  map_.clear();
+  publisher_->restart();
+  return true;
+}
+
+bool MappingNodelet::clearBox(BoundingBoxQuery::Request& request, BoundingBoxQuery::Response&) {
+  if (!isBox(request.min, request.max)) return false;
+  publisher_->changed(map_.clearBox(toEigen(request.min), toEigen(request.max)), ros::Time::now());
+  return true;
+}
+
+bool MappingNodelet::cellsInBox(CellsInBox::Request& request, CellsInBox::Response& response) {
+  if (!isBox(request.min, request.max)) return false;
+  map_.visitBox(toEigen(request.min), toEigen(request.max), [&](const Cell& cell) {
+    if (!request.occupied_only || map_.isOccupied(cell)) response.cells.push_back(toMessage(map_, cell));
+    return true;
+  });
+  return true;
+}
+
+bool MappingNodelet::castRay(CastRay::Request& request, CastRay::Response& response) {
+  try {
+    const RayHit hit = map_.castRay(toEigen(request.origin), toEigen(request.direction), request.max_range,
+                                    request.ignore_unknown);
+    response.point = toPoint(hit.point);
+    switch (hit.result) {
+      case RayHit::Result::kOccupied:
+        response.result = CastRay::Response::OCCUPIED;
+        response.cell = toMessage(map_, hit.cell);
+        break;
+      case RayHit::Result::kUnknown: response.result = CastRay::Response::UNKNOWN; break;
+      case RayHit::Result::kNothing: response.result = CastRay::Response::NOTHING; break;
+    }
+    return true;
+  } catch (const std::invalid_argument& e) {
+    NODELET_ERROR_STREAM("cast_ray: " << e.what());
+    return false;
+  }
+}
+
+bool MappingNodelet::isBox(const geometry_msgs::Point& min, const geometry_msgs::Point& max) const {
+  if ((toEigen(min).array() <= toEigen(max).array()).all()) return true;
+  NODELET_ERROR_STREAM("No box: min is " << toEigen(min).transpose() << ", max is " << toEigen(max).transpose()
+                                         << ", allowed is min <= max along each axis");
+  return false;
+}
+
+// --------------------------------------------------------------------------------------------- while it runs
+
+void MappingNodelet::reconfigure(MappingConfig& config, std::uint32_t level) {
+  try {
+    DisplayOptions display = publisher_->options();
+    display.color = {parseColorMode(config.color_mode), config.color_min, config.color_max};
+    display.occupancy_min_z = config.occupancy_min_z;
+    display.occupancy_max_z = config.occupancy_max_z;
+    display.validate();
+    map_.setRange(config.min_range, maxRange(config.max_range));
+    if ((level & kDisplayLevel) != 0) publisher_->setOptions(display);
+    publish_timer_.setPeriod(ros::WallDuration(1.0 / config.publish_rate));
+    config_ = config;
+  } catch (const std::invalid_argument& e) {
+    NODELET_ERROR_STREAM("Reconfiguration rejected: " << e.what());
+    config = config_;
+  }
+}
+
+void MappingNodelet::publish() {
+  const ros::WallTime start = ros::WallTime::now();
+  publisher_->publish();
+  ++activity_.publications;
+  activity_.publication_time += (ros::WallTime::now() - start).toSec();
+}
+
+void MappingNodelet::diagnose() {
+  diagnostics_->force_update();
+  last_diagnostics_ = ros::WallTime::now();
+  clouds_.received = scans_.received = 0;
+  activity_ = {};
+}
+
+void MappingNodelet::diagnoseInput(diagnostic_updater::DiagnosticStatusWrapper& status) {
+  using diagnostic_msgs::DiagnosticStatus;
+  const double seconds = std::max(1e-3, (ros::WallTime::now() - last_diagnostics_).toSec());
+  const std::size_t waiting = clouds_.waiting + scans_.waiting;
+  if (activity_.drops > 0) {
+    status.summaryf(DiagnosticStatus::WARN, "%zu messages dropped", activity_.drops);
+  } else if (activity_.insertions == 0 && waiting > 0) {
+    status.summaryf(DiagnosticStatus::WARN, "%zu messages wait for a transform to %s", waiting, frame_id_.c_str());
+  } else {
+    status.summary(DiagnosticStatus::OK, activity_.insertions > 0 ? "Mapping" : "No input");
+  }
+  status.addf("Clouds (Hz)", "%.1f", static_cast<double>(clouds_.received) / seconds);
+  status.addf("Scans (Hz)", "%.1f", static_cast<double>(scans_.received) / seconds);
+  status.add("Inserted", inserted_);
+  status.add("Waiting for a transform", waiting);
+  for (int r = 0; r < kNumReasons; ++r) status.add(std::string("Dropped: ") + kReasons[r], dropped_[r]);
+  status.add("Points mapped", points_.hits);
+  status.add("Points left out: not finite", points_.non_finite);
+  status.add("Points left out: too near", points_.too_near);
+  status.add("Points left out: limits in z", points_outside_z_);
+  status.add("Points left out: outside of the map", points_.outside);
+  status.add("Points cut at max_range", points_.beyond_range);
+}
+
+void MappingNodelet::diagnoseMap(diagnostic_updater::DiagnosticStatusWrapper& status) {
+  const auto milliseconds = [](double sum, std::size_t count) { return count > 0 ? 1e3 * sum / count : 0.0; };
+  status.summaryf(diagnostic_msgs::DiagnosticStatus::OK, "%zu cells", map_.tree().size());
+  status.add("Cells", map_.tree().size());
+  status.addf("Memory of the R-tree (MiB)", "%.1f", static_cast<double>(map_.tree().memoryUsage()) / (1 << 20));
+  status.add("Resolution (m)", map_.options().resolution);
+  status.addf("Insertion, mean (ms)", "%.2f", milliseconds(activity_.insertion_time, activity_.insertions));
+  status.addf("Insertion, longest (ms)", "%.2f", 1e3 * activity_.longest_insertion);
+  status.addf("Publishing, mean (ms)", "%.2f", milliseconds(activity_.publication_time, activity_.publications));
+}
+
+}  // namespace rtree_occupancy_map
+
+PLUGINLIB_EXPORT_CLASS(rtree_occupancy_map::MappingNodelet, nodelet::Nodelet)

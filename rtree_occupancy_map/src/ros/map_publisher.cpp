@@ -1,0 +1,175 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "rtree_occupancy_map/ros/map_publisher.h"
+
+#include <sstream>
+#include <stdexcept>
+
+#include "rtree_occupancy_map/ros/cell_conversion.h"
+
+namespace rtree_occupancy_map {
+namespace {
+
+using Subscriber = ros::SingleSubscriberPublisher;
+
+void requireLess(const std::string& low_name, double low, const std::string& high_name, double high) {
+  if (low < high) return;
+  std::ostringstream text;
+  text << high_name << " is " << high << ", allowed is more than " << low_name << ", which is " << low;
+  throw std::invalid_argument(text.str());
+}
+
+std::vector<Cell> occupiedCells(const OccupancyMap& map) {
+  std::vector<Cell> cells;
+  map.visitOccupied([&cells](const Cell& cell) {
+    cells.push_back(cell);
+    return true;
+  });
+  return cells;
+}
+
+}  // namespace
+
+void DisplayOptions::validate() const {
+  requireLess("color_min", color.min, "color_max", color.max);
+  requireLess("occupancy_min_z", occupancy_min_z, "occupancy_max_z", occupancy_max_z);
+}
+
+MapPublisher::MapPublisher(ros::NodeHandle& node, const DisplayOptions& options, const OccupancyMap& map)
+    : map_(map),
+      options_(options),
+      occupied_{{}, {options.frame_id, MarkerCache::Show::kOccupied}},
+      free_{{}, {options.frame_id, MarkerCache::Show::kFree}} {
+  options.validate();
+  advertiseMarkers(node, "occupied_cells_vis_array", occupied_);
+  if (options.publish_free_space) advertiseMarkers(node, "free_cells_vis_array", free_);
+
+  cells_updates_ = node.advertise<sensor_msgs::PointCloud2>("occupied_cells_centers_updates", 10);
+  cells_ = node.advertise<sensor_msgs::PointCloud2>("occupied_cells_centers", 1, [this](const Subscriber& subscriber) {
+    if (cells_.getNumSubscribers() == 1) last_cells_ = ros::WallTime::now();
+    if (options_.latch) subscriber.publish(cloudOf(occupiedCells(map_)));
+  });
+
+  projection_updates_ = node.advertise<map_msgs::OccupancyGridUpdate>("projected_map_updates", 10,
+                                                                      [this](const Subscriber&) { startProjection(); });
+  projection_ = node.advertise<nav_msgs::OccupancyGrid>("projected_map", 1, [this](const Subscriber& subscriber) {
+    publish();
+    startProjection();
+    if (options_.latch) subscriber.publish(projected_map_.grid());
+  });
+}
+
+void MapPublisher::advertiseMarkers(ros::NodeHandle& node, const std::string& topic, Markers& markers) {
+  markers.publisher = node.advertise<visualization_msgs::MarkerArray>(
+      topic, 10, [this, &markers](const Subscriber& subscriber) {
+        publish();
+        markers.active = true;
+        if (options_.latch) subscriber.publish(markers.cache.all(map_, options_.color));
+      });
+}
+
+void MapPublisher::setOptions(const DisplayOptions& options) {
+  options.validate();
+  options_ = options;
+  restart();
+}
+
+void MapPublisher::changed(const std::vector<Block>& blocks, const ros::Time& stamp) {
+  stamp_ = stamp;
+  changed_.insert(blocks.begin(), blocks.end());
+}
+
+void MapPublisher::publish() {
+  const std::vector<Block> blocks(changed_.begin(), changed_.end());
+  changed_.clear();
+  publishMarkers(occupied_, blocks);
+  publishMarkers(free_, blocks);
+  publishCells(blocks);
+  publishProjection(blocks);
+}
+
+void MapPublisher::restart() {
+  changed_.clear();
+  for (Markers* markers : {&occupied_, &free_}) {
+    if (markers->active) markers->publisher.publish(markers->cache.restart(map_, options_.color));
+  }
+  if (cells_.getNumSubscribers() > 0) sendCells();
+  if (projection_active_) {
+    projection_active_ = false;
+    startProjection();
+    sendProjection();
+  }
+}
+
+void MapPublisher::publishMarkers(Markers& markers, const std::vector<Block>& blocks) {
+  if (!markers.active) return;
+  if (markers.publisher.getNumSubscribers() == 0) {
+    markers.cache.clear();
+    markers.active = false;
+    return;
+  }
+  const auto message = markers.cache.changes(map_, blocks, options_.color);
+  if (!message.markers.empty()) markers.publisher.publish(message);
+}
+
+void MapPublisher::publishCells(const std::vector<Block>& blocks) {
+  if (!blocks.empty() && cells_updates_.getNumSubscribers() > 0) {
+    std::vector<Cell> cells;
+    for (const Block& block : blocks) appendOccupied(map_, block, cells);
+    cells_updates_.publish(cloudOf(cells));
+  }
+  cells_changed_ = cells_.getNumSubscribers() > 0 && (cells_changed_ || !blocks.empty());
+  if (cells_changed_ && due(last_cells_)) sendCells();
+}
+
+void MapPublisher::publishProjection(const std::vector<Block>& blocks) {
+  if (!projection_active_) return;
+  if (projection_.getNumSubscribers() + projection_updates_.getNumSubscribers() == 0) {
+    projected_map_.clear();
+    projection_active_ = false;
+    return;
+  }
+  map_msgs::OccupancyGridUpdate patch;
+  const bool grown = projected_map_.update(map_, blocks, header(), patch);
+  projection_changed_ = projection_changed_ || patch.width > 0;
+  if (!grown && patch.width > 0) projection_updates_.publish(patch);
+  if (grown || (projection_changed_ && due(last_projection_))) sendProjection();
+}
+
+void MapPublisher::startProjection() {
+  if (projection_active_) return;
+  projected_map_.rebuild(map_, options_.occupancy_min_z, options_.occupancy_max_z, header());
+  projection_active_ = true;
+  projection_changed_ = false;
+  last_projection_ = ros::WallTime::now();
+}
+
+void MapPublisher::sendCells() {
+  cells_.publish(cloudOf(occupiedCells(map_)));
+  cells_changed_ = false;
+  last_cells_ = ros::WallTime::now();
+}
+
+void MapPublisher::sendProjection() {
+  projection_.publish(projected_map_.grid());
+  projection_changed_ = false;
+  last_projection_ = ros::WallTime::now();
+}
+
+std_msgs::Header MapPublisher::header() const {
+  std_msgs::Header header;
+  header.frame_id = options_.frame_id;
+  header.stamp = stamp_;
+  return header;
+}
+
+sensor_msgs::PointCloud2 MapPublisher::cloudOf(const std::vector<Cell>& cells) const {
+  sensor_msgs::PointCloud2 cloud = toPointCloud2(map_, cells);
+  cloud.header = header();
+  return cloud;
+}
+
+bool MapPublisher::due(const ros::WallTime& last) const {
+  return ros::WallTime::now() - last >= ros::WallDuration(options_.full_map_period);
+}
+
+}  // namespace rtree_occupancy_map

@@ -1,0 +1,152 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "rtree_occupancy_map/ros/marker_cache.h"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <stdexcept>
+#include <string_view>
+
+#include "rtree_occupancy_map/ros/cell_conversion.h"
+
+namespace rtree_occupancy_map {
+namespace {
+
+constexpr float kFreeAlpha = 0.1F;
+
+std_msgs::ColorRGBA colorOf(const OccupancyMap& map, const Cell& cell, const ColorScale& scale) {
+  std_msgs::ColorRGBA color;
+  const auto fraction = [&scale](double value) {
+    return static_cast<float>(std::clamp((value - scale.min) / (scale.max - scale.min), 0.0, 1.0));
+  };
+  if (scale.mode == ColorMode::kReflectivity) {
+    if (cell.reflectivity.hits > 0) {
+      color.r = color.g = color.b = fraction(cell.reflectivity.mean);
+    } else {
+      color.b = 0.5F;  // none measured: a colour that is no grey
+    }
+  } else {
+    const float f = scale.mode == ColorMode::kHeight ? fraction(map.center(cell.box).z())
+                                                     : static_cast<float>(OccupancyMap::probability(cell.log_odds));
+    const auto ramp = [f](float peak) { return std::clamp(1.5F - std::abs(4.0F * f - peak), 0.0F, 1.0F); };
+    color.r = ramp(3.0F);
+    color.g = ramp(2.0F);
+    color.b = ramp(1.0F);
+  }
+  color.a = map.isOccupied(cell) ? 1.0F : kFreeAlpha;
+  return color;
+}
+
+template <class T>
+std::size_t hashOf(const std::vector<T>& values) {
+  return std::hash<std::string_view>()({reinterpret_cast<const char*>(values.data()), values.size() * sizeof(T)});
+}
+
+}  // namespace
+
+ColorMode parseColorMode(const std::string& name) {
+  if (name == "height") return ColorMode::kHeight;
+  if (name == "occupancy") return ColorMode::kOccupancy;
+  if (name == "reflectivity") return ColorMode::kReflectivity;
+  throw std::invalid_argument("color_mode is '" + name + "', allowed is height | occupancy | reflectivity");
+}
+
+MarkerCache::MarkerCache(const std::string& frame_id, Show show) : show_(show) {
+  marker_.header.frame_id = frame_id;  // stamp 0, the latest transform: a map isn't of one moment
+  marker_.ns = show == Show::kOccupied ? "occupied" : "free";
+  marker_.type = visualization_msgs::Marker::CUBE_LIST;
+  marker_.pose.orientation.w = 1.0;
+  marker_.color.a = 1.0F;
+}
+
+visualization_msgs::MarkerArray MarkerCache::changes(const OccupancyMap& map, const std::vector<Block>& blocks,
+                                                     const ColorScale& scale) {
+  return show(map, blocks, scale, false);
+}
+
+visualization_msgs::MarkerArray MarkerCache::all(const OccupancyMap& map, const ColorScale& scale) {
+  return show(map, knownBlocks(map), scale, true);
+}
+
+visualization_msgs::MarkerArray MarkerCache::restart(const OccupancyMap& map, const ColorScale& scale) {
+  clear();
+  visualization_msgs::MarkerArray out = all(map, scale);
+  marker_.points.clear();
+  marker_.colors.clear();
+  marker_.action = visualization_msgs::Marker::DELETEALL;
+  out.markers.insert(out.markers.begin(), marker_);
+  return out;
+}
+
+void MarkerCache::clear() {
+  shown_.clear();
+  free_ids_.clear();
+  next_id_ = 0;
+}
+
+visualization_msgs::MarkerArray MarkerCache::show(const OccupancyMap& map, const std::vector<Block>& blocks,
+                                                  const ColorScale& scale, bool unchanged_too) {
+  visualization_msgs::MarkerArray out;
+  std::map<Size, std::vector<Cell>> by_size;
+  for (const Block& block : blocks) {
+    by_size.clear();
+    const VoxelBox box = OccupancyMap::boxOf(block);
+    const auto inBlock = [&box](const VoxelBox& b) { return box.overlaps(b); };
+    const auto collect = [&](const Cell& cell) {
+      by_size[{cell.box.width(0), cell.box.width(1), cell.box.width(2)}].push_back(cell);
+      return true;
+    };
+    if (show_ == Show::kOccupied) {
+      map.tree().visitOccupiedIf(inBlock, collect);
+    } else {
+      map.tree().visitIf(inBlock, [&](const Cell& cell) { return map.isOccupied(cell) || collect(cell); });
+    }
+
+    // What vanished.
+    for (auto shown = shown_.lower_bound({block, Size{}}); shown != shown_.end() && shown->first.first == block;) {
+      if (by_size.count(shown->first.second) > 0) {
+        ++shown;
+        continue;
+      }
+      marker_.points.clear();
+      marker_.colors.clear();
+      marker_.id = shown->second.id;
+      marker_.action = visualization_msgs::Marker::DELETE;
+      out.markers.push_back(marker_);
+      free_ids_.push_back(shown->second.id);
+      shown = shown_.erase(shown);
+    }
+    // What there is.
+    for (const auto& [size, cells] : by_size) {
+      fill(map, cells, scale);
+      const std::size_t content = hashOf(marker_.points) ^ (3 * hashOf(marker_.colors));
+      auto [shown, fresh] = shown_.insert({{block, size}, {0, content}});
+      if (fresh) {
+        if (free_ids_.empty()) free_ids_.push_back(next_id_++);
+        shown->second.id = free_ids_.back();
+        free_ids_.pop_back();
+      }
+      if (!fresh && !unchanged_too && shown->second.content == content) continue;
+      shown->second.content = content;
+      marker_.id = shown->second.id;
+      marker_.action = visualization_msgs::Marker::ADD;
+      out.markers.push_back(marker_);
+    }
+  }
+  return out;
+}
+
+void MarkerCache::fill(const OccupancyMap& map, const std::vector<Cell>& cells, const ColorScale& scale) {
+  const VoxelBox& box = cells.front().box;  // all are of this size
+  marker_.scale.x = box.width(0) * map.options().resolution;
+  marker_.scale.y = box.width(1) * map.options().resolution;
+  marker_.scale.z = box.width(2) * map.options().resolution;
+  marker_.points.clear();
+  marker_.colors.clear();
+  for (const Cell& cell : cells) {
+    marker_.points.push_back(toPoint(map.center(cell.box)));
+    marker_.colors.push_back(colorOf(map, cell, scale));
+  }
+}
+
+}  // namespace rtree_occupancy_map

@@ -1,0 +1,126 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "rtree_occupancy_map/ros/projected_map.h"
+
+#include <algorithm>
+#include <limits>
+
+#include "rtree_occupancy_map/ros/cell_conversion.h"
+
+namespace rtree_occupancy_map {
+namespace {
+
+constexpr std::int8_t kUnknown = -1, kFree = 0, kOccupied = 100;
+
+}  // namespace
+
+void ProjectedMap::clear() {
+  constexpr int lo = std::numeric_limits<int>::min(), hi = std::numeric_limits<int>::max();
+  min_ = {hi, hi};
+  max_ = {lo, lo};
+  grid_ = {};
+  grid_.info.width = grid_.info.height = 1;
+  grid_.info.origin.orientation.w = 1.0;
+  grid_.data = {kUnknown};
+}
+
+void ProjectedMap::rebuild(const OccupancyMap& map, double min_z, double max_z, const std_msgs::Header& header) {
+  clear();
+  heights_ = map.boxOf({0.0, 0.0, min_z}, {0.0, 0.0, max_z});
+  grid_.info.resolution = static_cast<float>(map.options().resolution);
+  map_msgs::OccupancyGridUpdate ignored;
+  update(map, knownBlocks(map), header, ignored);
+}
+
+bool ProjectedMap::update(const OccupancyMap& map, const std::vector<Block>& blocks,
+                          const std_msgs::Header& header, map_msgs::OccupancyGridUpdate& patch) {
+  std::vector<Column> columns;
+  for (const Block& block : blocks) {
+    const VoxelBox box = OccupancyMap::boxOf(block);
+    if (box.min[2] < heights_.max[2] && heights_.min[2] < box.max[2]) columns.push_back({block[0], block[1]});
+  }
+  std::sort(columns.begin(), columns.end());
+  columns.erase(std::unique(columns.begin(), columns.end()), columns.end());
+  const bool grown = grow(columns, map.options().resolution);
+
+  const int width = static_cast<int>(grid_.info.width);
+  int min_x = width, max_x = 0, min_y = static_cast<int>(grid_.info.height), max_y = 0;  // what changed, half-open
+  for (const Column& column : columns) {
+    const Pixels pixels = project(map, column);
+    const int x0 = (column[0] - min_[0]) * kBlockSize, y0 = (column[1] - min_[1]) * kBlockSize;
+    for (int y = 0; y < kBlockSize; ++y) {
+      for (int x = 0; x < kBlockSize; ++x) {
+        std::int8_t& pixel = grid_.data[static_cast<std::size_t>(y0 + y) * width + x0 + x];
+        if (pixel == pixels[y * kBlockSize + x]) continue;
+        pixel = pixels[y * kBlockSize + x];
+        min_x = std::min(min_x, x0 + x);
+        max_x = std::max(max_x, x0 + x + 1);
+        min_y = std::min(min_y, y0 + y);
+        max_y = std::max(max_y, y0 + y + 1);
+      }
+    }
+  }
+
+  grid_.header = patch.header = header;
+  grid_.info.map_load_time = header.stamp;
+  patch.data.clear();
+  patch.x = min_x;
+  patch.y = min_y;
+  patch.width = std::max(0, max_x - min_x);
+  patch.height = std::max(0, max_y - min_y);
+  for (int y = min_y; y < max_y; ++y) {
+    const auto row = grid_.data.begin() + static_cast<std::ptrdiff_t>(y) * width;
+    patch.data.insert(patch.data.end(), row + min_x, row + max_x);
+  }
+  return grown;
+}
+
+// Makes room for these columns.
+bool ProjectedMap::grow(const std::vector<Column>& columns, double resolution) {
+  Column min = min_, max = max_;
+  for (const Column& column : columns) {
+    for (int i = 0; i < 2; ++i) {
+      min[i] = std::min(min[i], column[i]);
+      max[i] = std::max(max[i], column[i] + 1);
+    }
+  }
+  if (min == min_ && max == max_) return false;
+
+  const int width = (max[0] - min[0]) * kBlockSize, height = (max[1] - min[1]) * kBlockSize;
+  std::vector<std::int8_t> data(static_cast<std::size_t>(width) * height, kUnknown);
+  for (int y = min_[1]; y < max_[1]; ++y) {  // rows of blocks
+    for (int i = 0; i < kBlockSize; ++i) {
+      const auto from = grid_.data.begin() + static_cast<std::ptrdiff_t>((y - min_[1]) * kBlockSize + i) * grid_.info.width;
+      const auto to = data.begin() + static_cast<std::ptrdiff_t>((y - min[1]) * kBlockSize + i) * width;
+      std::copy(from, from + grid_.info.width, to + (min_[0] - min[0]) * kBlockSize);
+    }
+  }
+  grid_.data = std::move(data);
+  min_ = min;
+  max_ = max;
+  grid_.info.width = width;
+  grid_.info.height = height;
+  grid_.info.origin.position.x = min[0] * kBlockSize * resolution;
+  grid_.info.origin.position.y = min[1] * kBlockSize * resolution;
+  return true;
+}
+
+ProjectedMap::Pixels ProjectedMap::project(const OccupancyMap& map, const Column& column) const {
+  Pixels pixels;
+  pixels.fill(kUnknown);
+  VoxelBox box = OccupancyMap::boxOf(Block{column[0], column[1], 0});
+  box.min[2] = heights_.min[2];
+  box.max[2] = heights_.max[2];
+  map.tree().visitOverlapping(box, [&](const Cell& cell) {
+    const std::int8_t value = map.isOccupied(cell) ? kOccupied : kFree;
+    for (int y = cell.box.min[1]; y < cell.box.max[1]; ++y) {
+      for (int x = cell.box.min[0]; x < cell.box.max[0]; ++x) {
+        std::int8_t& pixel = pixels[(y - box.min[1]) * kBlockSize + x - box.min[0]];
+        pixel = std::max(pixel, value);
+      }
+    }
+    return true;
+  });
+  return pixels;
+}
+
+}  // namespace rtree_occupancy_map

@@ -1,0 +1,258 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// What the nodelet publishes: all of it to one who comes, later what changed, and nothing twice.
+#include <dynamic_reconfigure/Reconfigure.h>
+#include <map_msgs/OccupancyGridUpdate.h>
+#include <nav_msgs/OccupancyGrid.h>
+#include <std_srvs/Empty.h>
+
+#include <set>
+
+#include "nodelet_test.h"
+
+namespace rtree_occupancy_map {
+namespace {
+
+using visualization_msgs::MarkerArray;
+
+class MapPublisher : public NodeletTest {
+ protected:
+  MapPublisher() {
+    setParam("publish_free_space", true);
+    setParam("full_map_period", 1000.0);
+  }
+
+  // A room around (x, 0, 0).
+  void buildRoom(const std::string& sensor, double x, unsigned seed) {
+    sendStaticPose(sensor, poseOf(x, 0, 0));
+    publish(makeCloud(roomPoints({4, 3, 1.5}, 1000, seed)), sensor, poseOf(x, 0, 0));
+    ASSERT_TRUE(waitForMap(reference_));
+    spinFor(0.3);  // for a publish cycle to pass
+  }
+
+  std::vector<std::array<int, 6>> boxes(bool occupied) { return boxesOf(reference_, occupied); }
+};
+
+std::vector<std::array<int, 6>> boxesOf(const std::vector<MarkerArray>& messages) {
+  MarkerDisplay display;
+  for (const auto& message : messages) display.show(message);
+  return display.boxes(0.2);
+}
+
+std::vector<std::array<int, 6>> boxesOf(const sensor_msgs::PointCloud2& cloud) {
+  std::vector<std::array<int, 6>> boxes;
+  for (std::size_t i = 0; i < cloud.width; ++i) {
+    float v[8];
+    std::memcpy(v, &cloud.data[i * cloud.point_step], sizeof(v));
+    boxes.push_back(boxOf({v[0], v[1], v[2]}, {v[3], v[4], v[5]}, 0.2));
+  }
+  std::sort(boxes.begin(), boxes.end());
+  return boxes;
+}
+
+// Voxels, as how cells fuse depends on the order of changes.
+std::set<Voxel> voxelsIn(const std::vector<std::array<int, 6>>& boxes) {
+  Voxels voxels;
+  for (const auto& box : boxes) addVoxels(box, 0.0F, voxels);
+  std::set<Voxel> set;
+  for (const auto& [voxel, p] : voxels) set.insert(voxel);
+  return set;
+}
+
+std::map<std::array<int, 2>, int> knownPixels(const nav_msgs::OccupancyGrid& grid) {
+  std::map<std::array<int, 2>, int> pixels;
+  const int x0 = static_cast<int>(std::lround(grid.info.origin.position.x / grid.info.resolution));
+  const int y0 = static_cast<int>(std::lround(grid.info.origin.position.y / grid.info.resolution));
+  for (std::size_t i = 0; i < grid.data.size(); ++i) {
+    if (grid.data[i] != -1) {
+      pixels[{x0 + static_cast<int>(i % grid.info.width), y0 + static_cast<int>(i / grid.info.width)}] = grid.data[i];
+    }
+  }
+  return pixels;
+}
+
+std::map<std::array<int, 2>, int> projection(const OccupancyMap& map) {
+  std::map<std::array<int, 2>, int> pixels;
+  for (const auto& [voxel, probability] : voxelsOf(map)) {
+    int& pixel = pixels[{voxel[0], voxel[1]}];
+    pixel = std::max(pixel, probability >= 0.5F ? 100 : 0);
+  }
+  return pixels;
+}
+
+TEST_F(MapPublisher, OneWhoComesLateGetsItAll) {
+  ASSERT_TRUE(load());
+  buildRoom("sensor", 0.0, 1);
+  Recorder<MarkerArray> occupied(node_, "occupied_cells_vis_array"), free(node_, "free_cells_vis_array");
+  Recorder<sensor_msgs::PointCloud2> cells(node_, "occupied_cells_centers");
+  Recorder<nav_msgs::OccupancyGrid> grid(node_, "projected_map");
+  ASSERT_TRUE(waitFor([&] {
+    return !occupied.messages.empty() && !free.messages.empty() && !cells.messages.empty() && !grid.messages.empty();
+  }));
+  EXPECT_EQ(voxelsIn(boxes(true)), voxelsIn(boxesOf(occupied.messages)));
+  EXPECT_EQ(voxelsIn(boxes(false)), voxelsIn(boxesOf(free.messages)));
+  EXPECT_EQ(voxelsIn(boxes(true)), voxelsIn(boxesOf(cells.messages[0])));
+  EXPECT_EQ(projection(reference_), knownPixels(grid.messages[0]));
+  EXPECT_EQ(map_frame_, cells.messages[0].header.frame_id);
+  EXPECT_EQ(map_frame_, grid.messages[0].header.frame_id);
+  spinFor(0.5);
+  EXPECT_EQ(1u, occupied.messages.size());
+  EXPECT_EQ(1u, free.messages.size());
+  EXPECT_EQ(1u, cells.messages.size());
+  EXPECT_EQ(1u, grid.messages.size());
+}
+
+TEST_F(MapPublisher, LaterMessagesHoldWhatChanged) {
+  ASSERT_TRUE(load());
+  buildRoom("here", 0.0, 1);
+  Recorder<MarkerArray> occupied(node_, "occupied_cells_vis_array"), free(node_, "free_cells_vis_array");
+  Recorder<sensor_msgs::PointCloud2> cells(node_, "occupied_cells_centers"),
+      cells_updates(node_, "occupied_cells_centers_updates");
+  ASSERT_TRUE(waitFor([&] { return !occupied.messages.empty() && !free.messages.empty() && !cells.messages.empty(); }));
+  spinFor(0.5);
+  const std::size_t occupied_before = occupied.messages.size(), free_before = free.messages.size();
+
+  buildRoom("there", 64.0, 2);  // other blocks
+  ASSERT_GT(occupied.messages.size(), occupied_before);
+  ASSERT_GT(free.messages.size(), free_before);
+  for (const auto* recorder : {&occupied, &free}) {
+    for (std::size_t i = recorder == &occupied ? occupied_before : free_before; i < recorder->messages.size(); ++i) {
+      for (const auto& marker : recorder->messages[i].markers) {
+        EXPECT_EQ(visualization_msgs::Marker::ADD, marker.action);
+        for (const auto& p : marker.points) ASSERT_GT(p.x, 32.0);
+      }
+    }
+  }
+  EXPECT_EQ(voxelsIn(boxes(true)), voxelsIn(boxesOf(occupied.messages)));
+  EXPECT_EQ(voxelsIn(boxes(false)), voxelsIn(boxesOf(free.messages)));
+  ASSERT_FALSE(cells_updates.messages.empty());
+  const auto update = boxesOf(cells_updates.messages.back());
+  ASSERT_FALSE(update.empty());
+  for (const auto& box : update) EXPECT_GT(box[0], 32 / 0.2);
+  EXPECT_EQ(1u, cells.messages.size());  // not due within full_map_period
+
+  // Fused, split and vanished cells within blocks that are shown already.
+  for (unsigned i = 3; i < 8; ++i) buildRoom("here", 0.0, i);
+  EXPECT_EQ(voxelsIn(boxes(true)), voxelsIn(boxesOf(occupied.messages)));
+  EXPECT_EQ(voxelsIn(boxes(false)), voxelsIn(boxesOf(free.messages)));
+}
+
+TEST_F(MapPublisher, AnotherSubscriberIsNoBotherToTheFirst) {
+  ASSERT_TRUE(load());
+  buildRoom("here", 0.0, 1);
+  Recorder<MarkerArray> first(node_, "occupied_cells_vis_array");
+  ASSERT_TRUE(waitFor([&] { return !first.messages.empty(); }));
+  // A subscriber of the same process would share the connection, and get nothing of its own: see the launch file.
+  Recorder<MarkerArray> second(node_, "/relayed/" + test_);
+  ros::param::set("/relay_from", node_.resolveName("occupied_cells_vis_array"));
+  ros::param::set("/relay_to", "/relayed/" + test_);
+  ASSERT_TRUE(waitFor([&] { return !second.messages.empty(); }));
+  EXPECT_EQ(1u, first.messages.size());
+  EXPECT_EQ(voxelsIn(boxes(true)), voxelsIn(boxesOf(second.messages)));
+}
+
+TEST_F(MapPublisher, CellsAreSentAsAWholeNowAndThen) {
+  setParam("full_map_period", 0.5);
+  ASSERT_TRUE(load());
+  Recorder<sensor_msgs::PointCloud2> cells(node_, "occupied_cells_centers");
+  Recorder<nav_msgs::OccupancyGrid> grid(node_, "projected_map");
+  ASSERT_TRUE(waitFor([&] { return !cells.messages.empty() && !grid.messages.empty(); }));
+  buildRoom("here", 0.0, 1);
+  buildRoom("here", 0.0, 2);
+  EXPECT_TRUE(waitFor([&] { return voxelsIn(boxesOf(cells.messages.back())) == voxelsIn(boxes(true)); }));
+  EXPECT_TRUE(waitFor([&] { return knownPixels(grid.messages.back()) == projection(reference_); }));
+  spinFor(1.0);
+  const std::size_t sent = cells.messages.size(), grids = grid.messages.size();
+  spinFor(1.0);
+  EXPECT_EQ(sent, cells.messages.size());  // nothing changed
+  EXPECT_EQ(grids, grid.messages.size());
+}
+
+TEST_F(MapPublisher, ProjectionGrowsAndIsPatched) {
+  ASSERT_TRUE(load());
+  Recorder<nav_msgs::OccupancyGrid> grids(node_, "projected_map");
+  Recorder<map_msgs::OccupancyGridUpdate> updates(node_, "projected_map_updates");
+  ASSERT_TRUE(waitFor([&] { return !grids.messages.empty(); }));
+  EXPECT_TRUE(knownPixels(grids.messages[0]).empty());
+  buildRoom("here", 0.0, 1);
+  ASSERT_EQ(2u, grids.messages.size());  // grown
+  EXPECT_TRUE(updates.messages.empty());
+  EXPECT_EQ(projection(reference_), knownPixels(grids.messages[1]));
+
+  for (unsigned i = 2; i < 5; ++i) buildRoom("here", 0.0, i);
+  EXPECT_EQ(2u, grids.messages.size());
+  ASSERT_FALSE(updates.messages.empty());
+  nav_msgs::OccupancyGrid grid = grids.messages[1];
+  for (const auto& update : updates.messages) {
+    ASSERT_EQ(std::size_t{update.width} * update.height, update.data.size());
+    for (std::size_t i = 0; i < update.data.size(); ++i) {
+      grid.data.at((update.y + i / update.width) * grid.info.width + update.x + i % update.width) = update.data[i];
+    }
+  }
+  EXPECT_EQ(projection(reference_), knownPixels(grid));
+}
+
+TEST_F(MapPublisher, ResetTakesEverythingOffTheDisplay) {
+  ASSERT_TRUE(load());
+  buildRoom("here", 0.0, 1);
+  Recorder<MarkerArray> occupied(node_, "occupied_cells_vis_array");
+  Recorder<sensor_msgs::PointCloud2> cells(node_, "occupied_cells_centers");
+  Recorder<nav_msgs::OccupancyGrid> grid(node_, "projected_map");
+  ASSERT_TRUE(waitFor([&] { return !occupied.messages.empty() && !cells.messages.empty() && !grid.messages.empty(); }));
+  std_srvs::Empty reset;
+  ASSERT_TRUE(ros::service::call(name_ + "/reset", reset));
+  EXPECT_TRUE(waitFor([&] { return boxesOf(occupied.messages).empty(); }));
+  EXPECT_TRUE(waitFor([&] { return cells.messages.back().width == 0; }));
+  EXPECT_TRUE(waitFor([&] { return knownPixels(grid.messages.back()).empty(); }));
+}
+
+TEST_F(MapPublisher, ColoursAndHeightsCanBeReconfigured) {
+  ASSERT_TRUE(load());
+  buildRoom("here", 0.0, 1);
+  Recorder<MarkerArray> occupied(node_, "occupied_cells_vis_array");
+  Recorder<nav_msgs::OccupancyGrid> grid(node_, "projected_map");
+  ASSERT_TRUE(waitFor([&] { return !occupied.messages.empty() && !grid.messages.empty(); }));
+  dynamic_reconfigure::Reconfigure call;
+  call.request.config.strs.resize(1);
+  call.request.config.strs[0].name = "color_mode";
+  call.request.config.strs[0].value = "occupancy";
+  call.request.config.doubles.resize(1);
+  call.request.config.doubles[0].name = "occupancy_max_z";
+  call.request.config.doubles[0].value = -100.0;
+  ASSERT_TRUE(ros::service::call(name_ + "/reconfigure/set_parameters", call));
+  ASSERT_TRUE(waitFor([&] { return occupied.messages.size() > 1 && grid.messages.size() > 1; }));
+  std::set<float> greens;
+  MarkerDisplay display;
+  for (const auto& message : occupied.messages) display.show(message);
+  for (const auto& [id, marker] : display.markers()) {
+    for (const auto& c : marker.colors) greens.insert(c.g);
+  }
+  EXPECT_EQ(1u, greens.size());  // after one scan all occupied cells are equally likely to be
+  EXPECT_EQ(voxelsIn(boxes(true)), voxelsIn(boxesOf(occupied.messages)));
+  EXPECT_TRUE(knownPixels(grid.messages.back()).empty());
+  call.request.config.strs[0].value = "pink";
+  ASSERT_TRUE(ros::service::call(name_ + "/reconfigure/set_parameters", call));
+  for (const auto& s : call.response.config.strs) EXPECT_EQ("occupancy", s.value) << s.name;
+}
+
+TEST_F(MapPublisher, WithoutLatchOnlyChangesAreSent) {
+  setParam("latch", false);
+  ASSERT_TRUE(load());
+  buildRoom("here", 0.0, 1);
+  Recorder<MarkerArray> occupied(node_, "occupied_cells_vis_array");
+  spinFor(1.0);
+  EXPECT_TRUE(occupied.messages.empty());
+  buildRoom("there", 64.0, 2);
+  EXPECT_FALSE(occupied.messages.empty());
+  for (const auto& box : boxesOf(occupied.messages)) EXPECT_GT(box[0], 32 / 0.2);
+}
+
+}  // namespace
+}  // namespace rtree_occupancy_map
+
+int main(int argc, char** argv) {
+  ::testing::InitGoogleTest(&argc, argv);
+  ros::init(argc, argv, "map_publisher_test");
+  ros::NodeHandle keep_alive;
+  return RUN_ALL_TESTS();
+}

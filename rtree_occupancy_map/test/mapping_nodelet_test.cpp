@@ -1,0 +1,384 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// The nodelet's input, services and parameters, against a map built from the same scans.
+#include <dynamic_reconfigure/Reconfigure.h>
+#include <mapping_msgs/LoadMap.h>
+#include <mapping_msgs/SaveMap.h>
+#include <rosgraph_msgs/Log.h>
+#include <rtree_occupancy_map/BoundingBoxQuery.h>
+#include <rtree_occupancy_map/CastRay.h>
+#include <std_srvs/Empty.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <fstream>
+#include <limits>
+
+#include "nodelet_test.h"
+
+namespace rtree_occupancy_map {
+namespace {
+
+constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+constexpr float kInf = std::numeric_limits<float>::infinity();
+
+sensor_msgs::PointCloud2 room(unsigned seed) { return makeCloud(roomPoints({4, 3, 1.5}, 1000, seed)); }
+
+// A directory that goes with all that is in it.
+class TemporaryDirectory {
+ public:
+  TemporaryDirectory() {
+    char name[] = "/tmp/mapping_nodelet_test_XXXXXX";
+    path_ = mkdtemp(name);
+  }
+  ~TemporaryDirectory() { EXPECT_EQ(0, std::system(("rm -r " + path_).c_str())); }
+  std::string operator/(const std::string& file) const { return path_ + "/" + file; }
+
+ private:
+  std::string path_;
+};
+
+class MappingNodelet : public NodeletTest {
+ protected:
+  // Three clouds from different places.
+  void buildMap() {
+    for (unsigned i = 0; i < 3; ++i) {
+      const std::string sensor = "sensor" + std::to_string(i);
+      const auto pose = poseOf(2.3 * i, 0.4 * i, 0.1 * i, 0.3 * i);
+      sendStaticPose(sensor, pose);
+      publish(room(i), sensor, pose);
+      ASSERT_TRUE(waitForMap(reference_)) << i;
+    }
+  }
+
+  // What the nodelet said when it didn't start.
+  std::string whyNotLoaded() {
+    Recorder<rosgraph_msgs::Log> log(node_, "/rosout_agg");
+    std::string text;
+    const auto said = [&] {
+      for (const auto& message : log.messages) {
+        if (message.level == rosgraph_msgs::Log::FATAL && message.name == "/manager") text = message.msg;
+      }
+      return !text.empty();
+    };
+    spinFor(0.5);  // to be connected
+    log.messages.clear();
+    EXPECT_FALSE(load());
+    EXPECT_TRUE(waitFor(said));
+    return text;
+  }
+
+  template <class Service>
+  typename Service::Response callWithPath(const std::string& service, const std::string& path) {
+    Service call;
+    call.request.path = path;
+    EXPECT_TRUE(ros::service::call(name_ + "/" + service, call));
+    EXPECT_FALSE(call.response.message.empty());
+    return call.response;
+  }
+};
+
+// ------------------------------------------------------------------------------------------------------- input
+
+TEST_F(MappingNodelet, BuildsTheMapThatTheCoreBuilds) {
+  ASSERT_TRUE(load());
+  buildMap();
+  expectDiagnostic("Input", "Inserted", "3");
+  expectDiagnostic("Input", "Points mapped", "3000");
+  expectDiagnostic("Map", "Cells", std::to_string(reference_.tree().size()));
+}
+
+TEST_F(MappingNodelet, SkipsNonFinitePoints) {
+  ASSERT_TRUE(load());
+  sendStaticPose("sensor", poseOf(0, 0, 0));
+  publish(makeCloud({{kNan, 0, 0}, {2, kInf, 0}, {1, 2, 0.5}, {0, 0, -kInf}}), "sensor", poseOf(0, 0, 0));
+  EXPECT_TRUE(waitForMap(reference_));
+  EXPECT_GT(reference_.tree().size(), 0u);
+  expectDiagnostic("Input", "Points left out: not finite", "3");
+}
+
+TEST_F(MappingNodelet, DropsEmptyAndMalformedMessagesAndGoesOn) {
+  ASSERT_TRUE(load());
+  sendStaticPose("sensor", poseOf(0, 0, 0));
+  publish(room(1), "sensor", poseOf(0, 0, 0));
+  ASSERT_TRUE(waitForMap(reference_));
+
+  send(makeCloud(std::vector<Eigen::Vector3f>()), "sensor");
+  send(sensor_msgs::LaserScan(), "sensor");
+  auto without_x = room(2), truncated = room(3), beyond = room(4), nameless = room(5);
+  without_x.fields.erase(without_x.fields.begin());
+  send(without_x, "sensor");
+  truncated.data.resize(truncated.data.size() / 2);
+  send(truncated, "sensor");
+  beyond.fields[0].offset = 1000;
+  send(beyond, "sensor");
+  clouds_.publish(nameless);  // no frame_id
+  sensor_msgs::LaserScan scan;
+  scan.ranges = {1, 2};
+  scan.range_max = 10;
+  scan.intensities = {1};
+  send(scan, "sensor");
+  expectDiagnostic("Input", "Dropped: empty", "2");
+  expectDiagnostic("Input", "Dropped: malformed", "5");
+  expectDiagnostic("Input", "Dropped: no transform", "0");
+  EXPECT_EQ(voxelsOf(reference_), voxels());
+
+  constexpr std::uint8_t kFloat = sensor_msgs::PointField::FLOAT32;
+  publish(makeCloud({{"ring", sensor_msgs::PointField::UINT16}, {"x", kFloat}, {"y", kFloat}, {"z", kFloat}, {"t", kFloat}},
+                    {{1, 2, 3, 1, 0.1}}),
+          "sensor", poseOf(0, 0, 0));
+  EXPECT_TRUE(waitForMap(reference_));
+}
+
+TEST_F(MappingNodelet, WaitsForATransformThatComesLate) {
+  ASSERT_TRUE(load());
+  const auto pose = poseOf(1, 2, 0.5, 0.7);
+  publish(room(1), "sensor", pose);
+  spinFor(1.5);
+  EXPECT_TRUE(voxels().empty());
+  EXPECT_EQ("1", diagnostic("Input", "Waiting for a transform"));
+  sendStaticPose("sensor", pose);
+  EXPECT_TRUE(waitForMap(reference_));
+  expectDiagnostic("Input", "Waiting for a transform", "0");
+}
+
+TEST_F(MappingNodelet, CountsWhatWaitedInVain) {
+  setParam("queue_size", 2);
+  ASSERT_TRUE(load());
+  for (unsigned i = 0; i < 5; ++i) {
+    send(room(i), "nowhere");
+    spinFor(0.1);
+  }
+  expectDiagnostic("Input", "Dropped: no transform", "3");
+  EXPECT_EQ("2", diagnostic("Input", "Waiting for a transform"));
+  EXPECT_TRUE(voxels().empty());
+}
+
+TEST_F(MappingNodelet, GoesOnWhenTimeJumpsBack) {
+  ASSERT_TRUE(load());
+  const ros::Time now = ros::Time::now(), before = now - ros::Duration(3600.0);
+  const auto first = poseOf(0, 0, 0), second = poseOf(3, 1, 0);
+  sendPose("sensor", first, now);
+  publish(room(1), "sensor", first, now);
+  ASSERT_TRUE(waitForMap(reference_));
+
+  send(room(2), "sensor", now + ros::Duration(1.0));  // waits, as its transform doesn't come
+  spinFor(0.2);
+  publish(room(3), "sensor", second, before);
+  spinFor(0.2);
+  sendPose("sensor", second, before);
+  EXPECT_TRUE(waitForMap(reference_));
+  expectDiagnostic("Input", "Dropped: time jump", "1");
+  expectDiagnostic("Input", "Dropped: no transform", "0");
+}
+
+TEST_F(MappingNodelet, ScanWithoutReturnClears) {
+  ASSERT_TRUE(load());
+  const auto pose = poseOf(0.1, 0.1, 0.1);
+  sendStaticPose("laser", pose);
+  sensor_msgs::LaserScan scan;
+  scan.angle_min = -0.5F;
+  scan.angle_increment = 0.01F;
+  scan.range_min = 0.1F;
+  scan.range_max = 8.0F;
+  scan.ranges.assign(100, 5.0F);
+  publish(scan, "laser", pose);
+  ASSERT_TRUE(waitForMap(reference_));
+  EXPECT_FALSE(cellsInBox(1000.0, true).cells.empty());
+
+  scan.ranges.assign(100, kInf);
+  for (int i = 0; i < 3; ++i) {
+    publish(scan, "laser", pose);
+    ASSERT_TRUE(waitForMap(reference_));
+  }
+  EXPECT_TRUE(cellsInBox(1000.0, true).cells.empty());
+  EXPECT_EQ(VoxelState::kFree, reference_.stateAt({7.5, 0.1, 0.1}));
+}
+
+TEST_F(MappingNodelet, ScanWithoutReturnClearsOnlyIfAskedTo) {
+  setParam("no_return_clears", false);
+  ASSERT_TRUE(load());
+  sendStaticPose("laser", poseOf(0, 0, 0));
+  sensor_msgs::LaserScan scan;
+  scan.range_max = 8.0F;
+  scan.angle_increment = 0.01F;
+  scan.ranges.assign(10, kInf);
+  send(scan, "laser");
+  expectDiagnostic("Input", "Inserted", "1");
+  EXPECT_TRUE(voxels().empty());
+}
+
+// ---------------------------------------------------------------------------------------------------- services
+
+TEST_F(MappingNodelet, SavesAndLoads) {
+  ASSERT_TRUE(load());
+  buildMap();
+  const TemporaryDirectory directory;
+  EXPECT_TRUE(callWithPath<mapping_msgs::SaveMap>("save_map", directory / "map").success);
+  EXPECT_EQ(voxelsOf(reference_), voxelsOf(OccupancyMap::load(directory / "map")));
+
+  std_srvs::Empty reset;
+  ASSERT_TRUE(ros::service::call(name_ + "/reset", reset));
+  EXPECT_TRUE(voxels().empty());
+  EXPECT_TRUE(callWithPath<mapping_msgs::LoadMap>("load_map", directory / "map").success);
+  EXPECT_EQ(voxelsOf(reference_), voxels());
+
+  // What fails leaves the map as it is.
+  std::ofstream(directory / "foreign") << "no map";
+  for (const std::string& path : {directory / "foreign", directory / "missing", std::string("relative"), std::string()}) {
+    EXPECT_FALSE(callWithPath<mapping_msgs::LoadMap>("load_map", path).success) << path;
+    EXPECT_EQ(voxelsOf(reference_), voxels());
+  }
+  EXPECT_FALSE(callWithPath<mapping_msgs::SaveMap>("save_map", directory / "missing/map").success);
+  EXPECT_FALSE(callWithPath<mapping_msgs::SaveMap>("save_map", "relative").success);
+
+  // The loaded map goes on.
+  sendStaticPose("later", poseOf(1, 1, 0.2));
+  publish(room(7), "later", poseOf(1, 1, 0.2));
+  EXPECT_TRUE(waitForMap(reference_));
+}
+
+TEST_F(MappingNodelet, SavesAtTheEndAndStartsWithAMap) {
+  const TemporaryDirectory directory;
+  setParam("save_on_shutdown", directory / "map");
+  ASSERT_TRUE(load());
+  buildMap();
+  unload();
+  ASSERT_TRUE(waitFor([&] { return access((directory / "map").c_str(), F_OK) == 0; }));
+  setParam("save_on_shutdown", std::string());
+  setParam("map_file", directory / "map");
+  ASSERT_TRUE(load());
+  EXPECT_EQ(voxelsOf(reference_), voxels());
+}
+
+TEST_F(MappingNodelet, ClearsABox) {
+  ASSERT_TRUE(load());
+  buildMap();
+  BoundingBoxQuery query;
+  query.request.min = toPoint({-10, -10, -10});
+  query.request.max = toPoint({2, 10, 10});
+  ASSERT_TRUE(ros::service::call(name_ + "/clear_bbx", query));
+  const Voxels before = voxels();
+  EXPECT_FALSE(reference_.clearBox(toEigen(query.request.min), toEigen(query.request.max)).empty());
+  EXPECT_EQ(voxelsOf(reference_), before);
+  std::swap(query.request.min, query.request.max);
+  EXPECT_FALSE(ros::service::call(name_ + "/clear_bbx", query));
+  query.request.min.x = kNan;
+  EXPECT_FALSE(ros::service::call(name_ + "/clear_bbx", query));
+  EXPECT_EQ(before, voxels());
+}
+
+TEST_F(MappingNodelet, ListsCellsInABox) {
+  setParam("reflectivity", true);
+  ASSERT_TRUE(load());
+  sendStaticPose("sensor", poseOf(0.1, 0.1, 0.1));
+  constexpr std::uint8_t kFloat = sensor_msgs::PointField::FLOAT32;
+  send(makeCloud({{"x", kFloat}, {"y", kFloat}, {"z", kFloat}, {"intensity", kFloat}}, {{3, 0, 0, 40}, {3, 0, 0, 60}}), "sensor");
+  ASSERT_TRUE(waitFor([this] { return !voxels().empty(); }));
+  const auto occupied = cellsInBox(10.0, true).cells, all = cellsInBox(10.0, false).cells;
+  ASSERT_EQ(1u, occupied.size());
+  EXPECT_GT(all.size(), 1u);
+  EXPECT_TRUE(occupied[0].occupied);
+  EXPECT_FLOAT_EQ(0.7F, occupied[0].probability);
+  EXPECT_FLOAT_EQ(50.0F, occupied[0].reflectivity);
+  EXPECT_EQ(2u, occupied[0].returns);
+  EXPECT_NEAR(3.0, occupied[0].min.x, 1e-6);
+  EXPECT_NEAR(3.2, occupied[0].max.x, 1e-6);
+  EXPECT_TRUE(cellsInBox(1.0, true).cells.empty());
+  CellsInBox query;
+  query.request.min.y = 1.0;
+  EXPECT_FALSE(ros::service::call(name_ + "/cells_in_box", query));
+}
+
+TEST_F(MappingNodelet, CastsRays) {
+  ASSERT_TRUE(load());
+  buildMap();
+  for (const bool ignore_unknown : {true, false}) {
+    for (const Eigen::Vector3d& direction : {Eigen::Vector3d(1, 0.2, 0), Eigen::Vector3d(-1, 2, 0.1), Eigen::Vector3d(0, 0, 1)}) {
+      for (const double range : {0.5, 30.0}) {
+        CastRay ray;
+        ray.request.origin = toPoint({0.1, 0.1, 0.1});
+        ray.request.direction.x = direction.x();
+        ray.request.direction.y = direction.y();
+        ray.request.direction.z = direction.z();
+        ray.request.max_range = range;
+        ray.request.ignore_unknown = ignore_unknown;
+        ASSERT_TRUE(ros::service::call(name_ + "/cast_ray", ray));
+        const RayHit hit = reference_.castRay({0.1, 0.1, 0.1}, direction, range, ignore_unknown);
+        EXPECT_EQ(static_cast<int>(hit.result), ray.response.result);
+        EXPECT_LT((hit.point - toEigen(ray.response.point)).norm(), 1e-9);
+        if (hit.result == RayHit::Result::kOccupied) {
+          // The nodelet's cells are the same as far as the voxels go, not in how they fused.
+          EXPECT_TRUE(ray.response.cell.occupied);
+          EXPECT_TRUE(((toEigen(ray.response.cell.min) - hit.point).array() < 1e-6).all());
+          EXPECT_TRUE(((hit.point - toEigen(ray.response.cell.max)).array() < 1e-6).all());
+        }
+      }
+    }
+  }
+  CastRay nowhere;
+  nowhere.request.max_range = 1.0;
+  EXPECT_FALSE(ros::service::call(name_ + "/cast_ray", nowhere));
+}
+
+// -------------------------------------------------------------------------------------------------- parameters
+
+TEST_F(MappingNodelet, DoesNotStartWithAWrongValue) {
+  setParam("sensor_model/hit", 1.5);
+  const std::string why = whyNotLoaded();
+  EXPECT_NE(std::string::npos, why.find("~sensor_model/hit")) << why;
+  EXPECT_NE(std::string::npos, why.find("1.5")) << why;
+  EXPECT_NE(std::string::npos, why.find("0.5 to below 1")) << why;
+  setParam("sensor_model/hit", 0.7);
+  EXPECT_TRUE(load());  // the manager is none the worse for it
+}
+
+TEST_F(MappingNodelet, DoesNotStartWithAnUnknownParameter) {
+  setParam("sensor_model/maxrange", 10.0);
+  const std::string why = whyNotLoaded();
+  EXPECT_NE(std::string::npos, why.find("unknown: ~sensor_model/maxrange")) << why;
+}
+
+TEST_F(MappingNodelet, DoesNotStartWithoutItsMapFile) {
+  setParam("map_file", std::string("/nowhere/map"));
+  const std::string why = whyNotLoaded();
+  EXPECT_NE(std::string::npos, why.find("/nowhere/map")) << why;
+}
+
+TEST_F(MappingNodelet, RangeCanBeReconfigured) {
+  ASSERT_TRUE(load());
+  const auto set = [this](const std::string& name, double value) {
+    dynamic_reconfigure::Reconfigure call;
+    call.request.config.doubles.resize(1);
+    call.request.config.doubles[0].name = name;
+    call.request.config.doubles[0].value = value;
+    EXPECT_TRUE(ros::service::call(name_ + "/reconfigure/set_parameters", call));
+    for (const auto& d : call.response.config.doubles) {
+      if (d.name == name) return d.value;
+    }
+    return std::nan("");
+  };
+  EXPECT_EQ(2.0, set("max_range", 2.0));
+  EXPECT_EQ(0.0, set("min_range", 3.0));  // beyond max_range: stays as it was
+  reference_.setRange(0.0, 2.0);
+  sendStaticPose("sensor", poseOf(0, 0, 0));
+  publish(room(1), "sensor", poseOf(0, 0, 0));
+  EXPECT_TRUE(waitForMap(reference_));
+  EXPECT_EQ(-1.0, set("max_range", -1.0));
+  reference_.setRange(0.0, kInf);
+  publish(room(2), "sensor", poseOf(0, 0, 0));
+  EXPECT_TRUE(waitForMap(reference_));
+  // What was reconfigured doesn't outlive the nodelet, nor is it in its way.
+  unload();
+  EXPECT_TRUE(load());
+}
+
+}  // namespace
+}  // namespace rtree_occupancy_map
+
+int main(int argc, char** argv) {
+  ::testing::InitGoogleTest(&argc, argv);
+  ros::init(argc, argv, "mapping_nodelet_test");
+  ros::NodeHandle keep_alive;
+  return RUN_ALL_TESTS();
+}

@@ -1,0 +1,492 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "plain_grid.h"
+
+namespace rtree_occupancy_map {
+namespace {
+
+constexpr double kFar = 100.0;
+
+Options small(int max_entries = 16) {
+  Options o;
+  o.resolution = 0.1;
+  o.tree.max_entries = max_entries;
+  o.tree.min_entries = std::max(1, max_entries * 2 / 5);
+  return o;
+}
+
+// Equal to the plain grid, voxel by voxel; the tree is sound; no cell crosses a block's border.
+void expectLossless(const OccupancyMap& map, const PlainGrid& grid) {
+  bool disjoint = false;
+  const std::map<Voxel, float> voxels = voxelsOf(map, &disjoint);
+  EXPECT_TRUE(disjoint);
+  EXPECT_EQ(voxels.size(), grid.voxels().size());
+  std::size_t differing = 0;
+  for (const auto& [voxel, log_odds] : grid.voxels()) {
+    const auto found = voxels.find(voxel);
+    differing += found == voxels.end() || found->second != log_odds;
+  }
+  EXPECT_EQ(differing, 0U);
+  EXPECT_EQ(map.tree().checkInvariants(), "");
+  map.tree().visitAll([](const Cell& c) {
+    for (int i = 0; i < 3; ++i) EXPECT_EQ(c.box.min[i] >> kBlockBits, (c.box.max[i] - 1) >> kBlockBits);
+    return true;
+  });
+}
+
+struct Variant {
+  const char* name;
+  FusionRule rule;
+  FusionStrategy strategy;
+  SensorModel model;
+  const char* order;
+  int max_entries;
+};
+
+class LosslessTest : public ::testing::TestWithParam<Variant> {};
+
+TEST_P(LosslessTest, EqualsAPlainGrid) {
+  Options o = small(GetParam().max_entries);
+  o.fusion_rule = GetParam().rule;
+  o.fusion_strategy = GetParam().strategy;
+  o.sensor_model = GetParam().model;
+  o.search_order = GetParam().order;
+  o.samples_per_metre = 3.0;
+  o.min_range = 0.5;
+  o.max_range = 6.0;
+  OccupancyMap map(o);
+  PlainGrid grid(o);
+  RandomScans scans(GetParam().max_entries);
+  for (int i = 0; i < 40; ++i) {
+    const Scan scan = scans.next(i < 30 ? 300 : 40);
+    map.insertScan(scan);
+    grid.insert(scan);
+    if (i % 13 == 12) expectLossless(map, grid);
+  }
+  expectLossless(map, grid);
+  if (o.fusion_strategy == FusionStrategy::kNone) {
+    EXPECT_EQ(map.tree().size(), grid.voxels().size());
+  } else {
+    EXPECT_LT(map.tree().size(), grid.voxels().size());
+  }
+}
+
+TEST_P(LosslessTest, FusesByItsRule) {
+  Options o = small(GetParam().max_entries);
+  o.fusion_rule = GetParam().rule;
+  o.fusion_strategy = GetParam().strategy;
+  o.sensor_model = GetParam().model;
+  o.search_order = GetParam().order;
+  OccupancyMap map(o);
+  RandomScans scans(3);
+  for (int i = 0; i < 25; ++i) map.insertScan(scans.next(300));
+  const auto clamped = [&o](float l) {
+    const double p = OccupancyMap::probability(l);
+    return p > o.clamping_max - 1e-6 || (o.sensor_model == SensorModel::kBeam && p < o.clamping_min + 1e-6);
+  };
+  std::size_t fused = 0;
+  map.tree().visitAll([&](const Cell& c) {
+    fused += c.box.volume() > 1;
+    EXPECT_TRUE(o.fusion_rule != FusionRule::kThesis || c.box.volume() == 1 || clamped(c.log_odds));
+    return true;
+  });
+  EXPECT_EQ(fused > 0, o.fusion_strategy != FusionStrategy::kNone);
+}
+
+constexpr auto kThesis = FusionRule::kThesis;
+constexpr auto kEqual = FusionRule::kEqualValue;
+constexpr auto kBeam = SensorModel::kBeam;
+constexpr auto kEnd = SensorModel::kEndPoint;
+INSTANTIATE_TEST_SUITE_P(
+    Variants, LosslessTest,
+    ::testing::Values(Variant{"block_equal", kEqual, FusionStrategy::kBlock, kBeam, "zxy", 16},
+                      Variant{"block_equal_xyz", kEqual, FusionStrategy::kBlock, kBeam, "xyz", 4},
+                      Variant{"block_equal_yxz", kEqual, FusionStrategy::kBlock, kBeam, "yxz", 64},
+                      Variant{"block_thesis", kThesis, FusionStrategy::kBlock, kBeam, "zxy", 16},
+                      Variant{"block_thesis_yzx", kThesis, FusionStrategy::kBlock, kBeam, "yzx", 8},
+                      Variant{"expansion_thesis", kThesis, FusionStrategy::kExpansion, kBeam, "xyz", 16},
+                      Variant{"expansion_equal", kEqual, FusionStrategy::kExpansion, kBeam, "zyx", 8},
+                      Variant{"endpoint_thesis", kThesis, FusionStrategy::kBlock, kEnd, "zxy", 16},
+                      Variant{"endpoint_equal", kEqual, FusionStrategy::kBlock, kEnd, "xzy", 16},
+                      Variant{"endpoint_expansion", kThesis, FusionStrategy::kExpansion, kEnd, "xyz", 16},
+                      Variant{"none", kEqual, FusionStrategy::kNone, kBeam, "zxy", 16}),
+    [](const auto& info) { return info.param.name; });
+
+// ------------------------------------------------------------------------------------------------------ a small world
+
+Eigen::Vector3f vec(double x, double y, double z) { return Eigen::Vector3d(x, y, z).cast<float>(); }
+
+// Beams from the origin to a wall at this x.
+Scan wallAt(double x) {
+  Scan scan;
+  scan.origin = vec(0.05, 0.05, 0.05);
+  for (int y = -10; y <= 10; ++y) {
+    for (int z = -5; z <= 5; ++z) scan.hits.push_back(vec(x, 0.1 * y + 0.05, 0.1 * z + 0.05));
+  }
+  return scan;
+}
+
+TEST(OccupancyMap, AnObstacleThatMovesAwayDisappears) {
+  OccupancyMap map(small());
+  for (int i = 0; i < 10; ++i) map.insertScan(wallAt(1.05));
+  EXPECT_EQ(map.stateAt({1.05, 0.05, 0.05}), VoxelState::kOccupied);
+  EXPECT_GT(map.cellAt(Eigen::Vector3d(1.05, 0.05, 0.05))->box.volume(), 1);
+  for (int i = 0; i < 12; ++i) map.insertScan(wallAt(2.05));
+  EXPECT_EQ(map.stateAt({1.05, 0.05, 0.05}), VoxelState::kFree);
+  EXPECT_EQ(map.stateAt({2.05, 0.05, 0.05}), VoxelState::kOccupied);
+}
+
+TEST(OccupancyMap, AStaticMapKeepsWhatIsFused) {
+  Options o = small();
+  o.dynamic = false;
+  o.fusion_rule = FusionRule::kThesis;
+  OccupancyMap map(o);
+  for (int i = 0; i < 10; ++i) map.insertScan(wallAt(1.05));
+  for (int i = 0; i < 30; ++i) map.insertScan(wallAt(2.05));
+  EXPECT_EQ(map.stateAt({1.05, 0.05, 0.05}), VoxelState::kOccupied);
+  EXPECT_EQ(map.stateAt({2.05, 0.05, 0.05}), VoxelState::kOccupied);
+}
+
+// One beam that crosses a large free cell and ends in it: only what contradicts is taken out.
+TEST(OccupancyMap, SplitsJustWhereNeeded) {
+  for (const FusionStrategy strategy : {FusionStrategy::kBlock, FusionStrategy::kExpansion}) {
+    Options o = small();
+    o.fusion_rule = FusionRule::kThesis;
+    o.fusion_strategy = strategy;
+    o.samples_per_metre = 20.0;
+    OccupancyMap map(o);
+    for (int i = 0; i < 10; ++i) map.insertScan(wallAt(2.95));
+    const std::size_t before = map.tree().size();
+    Scan scan;
+    scan.origin = vec(0.05, 0.05, 0.05);
+    scan.hits = {vec(1.55, 0.05, 0.05)};
+    map.insertScan(scan);
+    EXPECT_EQ(map.cellAt(Eigen::Vector3d(1.55, 0.05, 0.05))->box.volume(), 1);
+    EXPECT_LE(map.tree().size(), before + 10);
+  }
+}
+
+TEST(OccupancyMap, ClearsAlongBeamsWithoutReturn) {
+  Options o = small();
+  o.max_range = 5.0;
+  OccupancyMap map(o);
+  Scan scan;
+  scan.origin = vec(0.05, 0.05, 0.05);
+  scan.misses = {vec(kFar, 0.05, 0.05)};
+  scan.hits = {vec(0.05, kFar, 0.05)};
+  const InsertReport report = map.insertScan(scan);
+  EXPECT_EQ(report.hits, 0U);
+  EXPECT_EQ(report.beyond_range, 1U);
+  EXPECT_EQ(map.statistics().occupied_cells, 0U);
+  for (const Eigen::Vector3d& axis : {Eigen::Vector3d(1, 0, 0), Eigen::Vector3d(0, 1, 0)}) {
+    EXPECT_EQ(map.stateAt(Eigen::Vector3d(0.05, 0.05, 0.05) + 4.8 * axis), VoxelState::kFree);
+    EXPECT_EQ(map.stateAt(Eigen::Vector3d(0.05, 0.05, 0.05) + 5.2 * axis), VoxelState::kUnknown);
+  }
+  map.setRange(0.0, 2.0);
+  EXPECT_THROW(map.setRange(3.0, 2.0), std::invalid_argument);
+  scan.hits = {vec(0.05, 0.05, 3.05)};
+  EXPECT_EQ(map.insertScan(scan).beyond_range, 1U);
+}
+
+TEST(OccupancyMap, CountsWhatItLeavesOut) {
+  Options o = small();
+  o.min_range = 1.0;
+  OccupancyMap map(o);
+  const float nan = std::numeric_limits<float>::quiet_NaN(), inf = std::numeric_limits<float>::infinity();
+  Scan scan;
+  scan.hits = {vec(nan, 0, 0), vec(0, inf, 0), vec(0.5, 0.5, 0), vec(1e9, 0, 0), vec(1, 1, 1), vec(1, 1, 1)};
+  scan.misses = {vec(0, 0, nan), vec(0, 0, 1e9)};
+  const InsertReport report = map.insertScan(scan);
+  EXPECT_EQ(report.non_finite, 3U);
+  EXPECT_EQ(report.too_near, 1U);
+  EXPECT_EQ(report.outside, 2U);
+  EXPECT_EQ(report.hits, 2U);
+  EXPECT_EQ(map.statistics().occupied_cells, 1U);
+}
+
+TEST(OccupancyMap, RefusesBadScansAsAWhole) {
+  OccupancyMap map(small());
+  map.insertScan(wallAt(1.05));
+  const std::size_t cells = map.tree().size();
+  Scan scan = wallAt(2.05);
+  scan.reflectivity = {1.0F};
+  EXPECT_THROW(map.insertScan(scan), std::invalid_argument);
+  scan.reflectivity.clear();
+  scan.origin.x() = std::numeric_limits<float>::quiet_NaN();
+  EXPECT_THROW(map.insertScan(scan), std::invalid_argument);
+  scan.origin.x() = 1e7F;
+  EXPECT_THROW(map.insertScan(scan), std::invalid_argument);
+  EXPECT_EQ(map.tree().size(), cells);
+}
+
+TEST(OccupancyMap, WorksUpToTheEdgeOfItsCoordinates) {
+  Options o = small();
+  OccupancyMap map(o);
+  const double edge = kMaxVoxel * o.resolution;
+  Scan scan;
+  scan.origin = vec(edge - 3.0, -edge + 3.0, 0.0);
+  for (int i = 0; i < 60; ++i) scan.hits.push_back(vec(edge - 0.06 * i, -edge + 0.05 * i + 0.02, 0.01 * i));
+  for (int i = 0; i < 60; ++i) scan.misses.push_back(vec(edge + 0.5, -edge + 0.1 * i, 0.0));
+  const InsertReport report = map.insertScan(scan);
+  EXPECT_GT(report.hits, 50U);
+  EXPECT_GT(report.outside, 50U);
+  EXPECT_EQ(map.tree().checkInvariants(), "");
+}
+
+TEST(OccupancyMap, ReportsChangedBlocksOnly) {
+  OccupancyMap map(small());
+  EXPECT_FALSE(map.insertScan(wallAt(1.05)).changed_blocks.empty());
+  std::size_t last = 1;
+  for (int i = 0; i < 10; ++i) last = map.insertScan(wallAt(1.05)).changed_blocks.size();
+  EXPECT_EQ(last, 0U);  // all voxels are at a threshold
+  Scan one;
+  one.origin = vec(0.05, 0.05, 0.05);
+  one.hits = {vec(0.45, 0.05, 0.05)};
+  EXPECT_EQ(map.insertScan(one).changed_blocks, (std::vector<Block>{{0, 0, 0}}));
+}
+
+TEST(OccupancyMap, AveragesReflectivity) {
+  Options o = small();
+  o.reflectivity = true;
+  OccupancyMap map(o);
+  Scan scan;
+  scan.hits = {vec(1.05, 0.05, 0.05), vec(1.06, 0.05, 0.05), vec(1.05, 0.15, 0.05)};
+  scan.reflectivity = {0.2F, 0.4F, 0.9F};
+  map.insertScan(scan);
+  scan.reflectivity = {0.6F, std::numeric_limits<float>::quiet_NaN(), 0.9F};
+  for (int i = 0; i < 2; ++i) map.insertScan(scan);
+  const Cell cell = *map.cellAt(Eigen::Vector3d(1.05, 0.05, 0.05));
+  // Both voxels have had the same updates and are one cell: the mean over its volume.
+  EXPECT_EQ(cell.box.volume(), 2);
+  EXPECT_NEAR(cell.reflectivity.mean, (0.45 + 0.9) / 2, 0.1);
+  EXPECT_GT(cell.reflectivity.hits, 1U);
+  map.tree().visitAll([&map](const Cell& c) {
+    EXPECT_EQ(map.isOccupied(c), c.reflectivity.hits > 0);
+    return true;
+  });
+  // A scan without reflectivities leaves them alone.
+  scan.reflectivity.clear();
+  map.insertScan(scan);
+  EXPECT_NEAR(map.cellAt(Eigen::Vector3d(1.05, 0.05, 0.05))->reflectivity.mean, cell.reflectivity.mean, 1e-6);
+}
+
+TEST(OccupancyMap, AveragesReflectivityExactlyInOneVoxel) {
+  Options o = small();
+  o.reflectivity = true;
+  o.fusion_strategy = FusionStrategy::kNone;
+  OccupancyMap map(o);
+  Scan scan;
+  for (int i = 0; i < 10; ++i) {
+    scan.hits = {vec(1.05, 0.05, 0.05), vec(1.06, 0.05, 0.05)};
+    scan.reflectivity = {0.1F * static_cast<float>(i), 0.5F};
+    map.insertScan(scan);
+  }
+  const Reflectivity r = map.cellAt(Eigen::Vector3d(1.05, 0.05, 0.05))->reflectivity;
+  EXPECT_EQ(r.hits, 20U);
+  EXPECT_NEAR(r.mean, 0.475, 1e-5);
+}
+
+TEST(OccupancyMap, ClearsABox) {
+  OccupancyMap map(small());
+  for (int i = 0; i < 10; ++i) map.insertScan(wallAt(1.05));
+  const std::size_t blocks = map.clearBox({1.0, -0.5, -2.0}, {1.1, 0.5, 2.0}).size();
+  EXPECT_GT(blocks, 0U);
+  EXPECT_EQ(map.stateAt({1.05, 0.05, 0.05}), VoxelState::kFree);
+  EXPECT_EQ(map.stateAt({1.05, 0.75, 0.05}), VoxelState::kOccupied);
+  EXPECT_EQ(map.stateAt({1.15, 0.05, 0.05}), VoxelState::kUnknown);
+  EXPECT_EQ(map.tree().checkInvariants(), "");
+  EXPECT_TRUE(map.clearBox({1.0, -0.5, -2.0}, {1.1, 0.5, 2.0}).empty());
+}
+
+TEST(OccupancyMap, SameSeedSameMap) {
+  const auto cells = [](std::uint64_t seed) {
+    Options o = small();
+    o.fusion_strategy = FusionStrategy::kExpansion;
+    o.seed = seed;
+    OccupancyMap map(o);
+    RandomScans scans(5);
+    for (int i = 0; i < 12; ++i) map.insertScan(scans.next(200));
+    std::vector<VoxelBox> boxes;
+    map.tree().visitAll([&boxes](const Cell& c) {
+      boxes.push_back(c.box);
+      return true;
+    });
+    return boxes;
+  };
+  EXPECT_TRUE(cells(1) == cells(1));
+  EXPECT_FALSE(cells(1) == cells(2));
+}
+
+// ---------------------------------------------------------------------------------------------------------- queries
+
+class QueryTest : public ::testing::Test {
+ protected:
+  QueryTest() : map_(small()), random_(11) {
+    RandomScans scans(9);
+    for (int i = 0; i < 15; ++i) map_.insertScan(scans.next(300));
+    bool disjoint;
+    voxels_ = voxelsOf(map_, &disjoint);
+  }
+  double uniform(double low, double high) { return std::uniform_real_distribution<double>(low, high)(random_); }
+  Eigen::Vector3d randomPoint() { return {uniform(-6, 6), uniform(-6, 6), uniform(-3, 3)}; }
+
+  OccupancyMap map_;
+  std::map<Voxel, float> voxels_;
+  std::mt19937 random_;
+};
+
+TEST_F(QueryTest, FindsTheCellAtAPoint) {
+  for (int i = 0; i < 2000; ++i) {
+    const Eigen::Vector3d p = randomPoint();
+    const Voxel v{static_cast<int>(std::floor(p.x() / 0.1)), static_cast<int>(std::floor(p.y() / 0.1)),
+                  static_cast<int>(std::floor(p.z() / 0.1))};
+    const auto expected = voxels_.find(v);
+    const std::optional<Cell> cell = map_.cellAt(p);
+    ASSERT_EQ(cell.has_value(), expected != voxels_.end());
+    if (!cell) {
+      EXPECT_EQ(map_.stateAt(p), VoxelState::kUnknown);
+      continue;
+    }
+    EXPECT_EQ(cell->log_odds, expected->second);
+    EXPECT_TRUE(cell->box.contains(v));
+    EXPECT_EQ(map_.stateAt(p), expected->second >= 0.0F ? VoxelState::kOccupied : VoxelState::kFree);
+  }
+  EXPECT_FALSE(map_.cellAt(Eigen::Vector3d(1e12, 0, 0)).has_value());
+  EXPECT_FALSE(map_.cellAt(Eigen::Vector3d(std::nan(""), 0, 0)).has_value());
+}
+
+TEST_F(QueryTest, CountsVolumes) {
+  const Statistics s = map_.statistics();
+  std::size_t occupied = 0;
+  for (const auto& [voxel, log_odds] : voxels_) occupied += log_odds >= 0.0F;
+  EXPECT_NEAR(s.occupied_volume, static_cast<double>(occupied) * 1e-3, 1e-9);
+  EXPECT_NEAR(s.free_volume, static_cast<double>(voxels_.size() - occupied) * 1e-3, 1e-9);
+  EXPECT_EQ(s.cells, s.occupied_cells + s.free_cells);
+  EXPECT_EQ(s.nodes, map_.tree().numNodes());
+  std::size_t visited = 0;
+  map_.visitOccupied([&](const Cell& c) {
+    EXPECT_TRUE(map_.isOccupied(c));
+    return ++visited > 0;
+  });
+  EXPECT_EQ(visited, s.occupied_cells);
+}
+
+TEST_F(QueryTest, FindsTheNearestOccupiedCells) {
+  for (int i = 0; i < 30; ++i) {
+    const Eigen::Vector3d p = randomPoint();
+    const auto distance = [&](const Cell& c) {
+      return (map_.minCorner(c.box) - p).cwiseMax(p - map_.maxCorner(c.box)).cwiseMax(0.0).norm();
+    };
+    std::vector<double> expected;
+    map_.visitOccupied([&](const Cell& c) {
+      expected.push_back(distance(c));
+      return true;
+    });
+    std::sort(expected.begin(), expected.end());
+    const std::vector<Cell> nearest = map_.nearestOccupied(p, 10);
+    ASSERT_EQ(nearest.size(), 10U);
+    for (std::size_t k = 0; k < 10; ++k) EXPECT_NEAR(distance(nearest[k]), expected[k], 1e-9);
+  }
+  EXPECT_TRUE(map_.nearestOccupied(Eigen::Vector3d::Zero(), 0).empty());
+  EXPECT_EQ(map_.nearestOccupied(Eigen::Vector3d::Zero(), 1000000).size(), map_.statistics().occupied_cells);
+  EXPECT_TRUE(OccupancyMap(small()).nearestOccupied(Eigen::Vector3d::Zero(), 3).empty());
+}
+
+// Against small steps along the ray.
+TEST_F(QueryTest, CastsRays) {
+  int occupied = 0, unknown = 0;
+  for (int i = 0; i < 400; ++i) {
+    const Eigen::Vector3d origin(uniform(-0.5, 0.5), uniform(-0.5, 0.5), uniform(-0.3, 0.3));
+    const Eigen::Vector3d direction = randomPoint();
+    const double range = uniform(1.0, 9.0);
+    for (const bool ignore_unknown : {true, false}) {
+      const RayHit hit = map_.castRay(origin, direction, range, ignore_unknown);
+      const double length = (hit.point - origin).norm();
+      EXPECT_NEAR((hit.point - origin).cross(direction.normalized()).norm(), 0.0, 1e-9);
+      EXPECT_LE(length, range + 1e-9);
+      // Nothing that ends the ray lies before its end, up to slivers that the steps or rounding can't tell.
+      int before = 0;
+      for (double t = 0.0; t < length - 0.003; t += 0.001) {
+        const VoxelState s = map_.stateAt(origin + t * direction.normalized());
+        before += s == VoxelState::kOccupied || (!ignore_unknown && s == VoxelState::kUnknown);
+      }
+      EXPECT_LE(before, 1);
+      const VoxelState at_end = map_.stateAt(hit.point + 1e-7 * direction.normalized());
+      switch (hit.result) {
+        case RayHit::Result::kOccupied:
+          ++occupied;
+          EXPECT_EQ(at_end, VoxelState::kOccupied);
+          EXPECT_TRUE(map_.isOccupied(hit.cell));
+          break;
+        case RayHit::Result::kUnknown:
+          ++unknown;
+          EXPECT_FALSE(ignore_unknown);
+          EXPECT_EQ(at_end, VoxelState::kUnknown);
+          break;
+        case RayHit::Result::kNothing:
+          EXPECT_NEAR(length, range, 1e-9);
+      }
+    }
+  }
+  EXPECT_GT(occupied, 50);
+  EXPECT_GT(unknown, 50);
+}
+
+TEST_F(QueryTest, RefusesRaysToNowhere) {
+  const Eigen::Vector3d o = Eigen::Vector3d::Zero(), x = Eigen::Vector3d::UnitX();
+  EXPECT_THROW(map_.castRay(o, o, 1.0), std::invalid_argument);
+  EXPECT_THROW(map_.castRay(o, x, 0.0), std::invalid_argument);
+  EXPECT_THROW(map_.castRay(o, Eigen::Vector3d(std::nan(""), 0, 0), 1.0), std::invalid_argument);
+  EXPECT_EQ(map_.castRay(Eigen::Vector3d(0, 0, 1000), x, std::numeric_limits<double>::infinity()).result,
+            RayHit::Result::kNothing);
+}
+
+TEST_F(QueryTest, VisitsABox) {
+  const Eigen::Vector3d min(-1.0, -2.0, -0.5), max(2.0, 1.0, 0.5);
+  std::size_t found = 0, expected = 0;
+  map_.visitBox(min, max, [&](const Cell&) { return ++found > 0; });
+  map_.tree().visitAll([&](const Cell& c) {
+    expected += (map_.minCorner(c.box).array() < max.array() - 1e-9).all() && (map_.maxCorner(c.box).array() > min.array() + 1e-9).all();
+    return true;
+  });
+  EXPECT_EQ(found, expected);
+  EXPECT_GT(found, 100U);
+}
+
+// ---------------------------------------------------------------------------------------------------------- options
+
+TEST(Options, NamesWhatIsWrong) {
+  const auto message = [](auto&& change) -> std::string {
+    Options o;
+    change(o);
+    try {
+      OccupancyMap map(o);
+    } catch (const std::invalid_argument& e) {
+      return e.what();
+    }
+    return "accepted";
+  };
+  EXPECT_EQ(message([](Options& o) { o.resolution = 0.0; }), "resolution is 0, allowed is more than 0 m");
+  EXPECT_EQ(message([](Options& o) { o.prob_hit = 0.4; }), "prob_hit is 0.4, allowed is 0.5 to below 1");
+  EXPECT_EQ(message([](Options& o) { o.max_range = -1; }), "max_range is -1, allowed is more than min_range");
+  EXPECT_EQ(message([](Options& o) { o.max_range = std::nan(""); }).substr(0, 12), "max_range is");
+  EXPECT_EQ(message([](Options& o) { o.search_order = "xxy"; }), "search_order is 'xxy', allowed is a permutation of xyz");
+  EXPECT_EQ(message([](Options& o) { o.tree.max_entries = 1; }), "max_entries (M) is 1, allowed is 2 to 256");
+  EXPECT_EQ(message([](Options&) {}), "accepted");
+  EXPECT_THROW(parseSensorModel("laser"), std::invalid_argument);
+  EXPECT_EQ(parseFusionRule("thesis"), FusionRule::kThesis);
+  EXPECT_EQ(parseFusionStrategy("expansion"), FusionStrategy::kExpansion);
+  EXPECT_EQ(parseSplitMethod("rstar"), SplitMethod::kRStar);
+}
+
+}  // namespace
+}  // namespace rtree_occupancy_map
+
+int main(int argc, char** argv) {
+  testing::InitGoogleTest(&argc, argv);
+  return RUN_ALL_TESTS();
+}
