@@ -53,7 +53,7 @@ class MappingNodelet : public NodeletTest {
 
   // What the nodelet said when it didn't start.
   std::string whyNotLoaded() {
-    Recorder<rosgraph_msgs::Log> log(node_, "/rosout_agg");
+    Recorder<rosgraph_msgs::Log> log(node_, "/rosout");
     std::string text;
     const auto said = [&] {
       for (const auto& message : log.messages) {

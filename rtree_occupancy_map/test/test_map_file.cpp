@@ -38,9 +38,7 @@ class MapFileTest : public ::testing::Test {
     std::ifstream in(path_, std::ios::binary);
     return {std::istreambuf_iterator<char>(in), {}};
   }
-  void write(const std::string& bytes) const {
-    std::ofstream(path_, std::ios::binary) << bytes;
-  }
+  void write(const std::string& bytes) const { std::ofstream(path_, std::ios::binary) << bytes; }
   // Makes the checksum right again after a change: what is left to be found is the content.
   void writeWithChecksum(std::string bytes) const {
     boost::crc_32_type crc;
@@ -97,7 +95,8 @@ TEST_F(MapFileTest, ComesBackAndGoesOn) {
       EXPECT_TRUE(voxelsOf(map, &disjoint) == voxelsOf(loaded, &disjoint));
       EXPECT_EQ(map.tree().size(), loaded.tree().size());
       loaded.tree().visitAll([&map](const Cell& c) {
-        const Reflectivity expected = map.cellAt(Voxel{c.box.min[0], c.box.min[1], c.box.min[2]})->reflectivity;
+        const Reflectivity expected =
+            map.cellAt(Voxel{c.box.min[0], c.box.min[1], c.box.min[2]})->reflectivity;
         EXPECT_EQ(c.reflectivity.hits, expected.hits);
         EXPECT_TRUE(c.reflectivity.mean == expected.mean || expected.hits == 0);
         return true;
@@ -175,12 +174,13 @@ TEST_F(MapFileTest, ChecksTheContent) {
   EXPECT_NE(patched(last + 12, &high, 4).find("log odds"), std::string::npos);
   // A number of cells that would need more memory than there is.
   std::string b = bytes;
-  const std::size_t count_at = bytes.size() - 4 - cell * OccupancyMap::load([this, &bytes] {
-                                                           write(bytes);
-                                                           return path_;
-                                                         }())
-                                                             .tree()
-                                                             .size() -
+  const std::size_t count_at = bytes.size() - 4 -
+                               cell * OccupancyMap::load([this, &bytes] {
+                                        write(bytes);
+                                        return path_;
+                                      }())
+                                          .tree()
+                                          .size() -
                                8;
   const std::uint64_t huge = std::numeric_limits<std::uint64_t>::max() / 16;
   EXPECT_NE(patched(count_at, &huge, 8).find("number of cells"), std::string::npos);

@@ -116,9 +116,12 @@ INSTANTIATE_TEST_SUITE_P(
                       Variant{"none", kEqual, FusionStrategy::kNone, kBeam, "zxy", 16}),
     [](const auto& info) { return info.param.name; });
 
-// ------------------------------------------------------------------------------------------------------ a small world
+// ------------------------------------------------------------------------------------------------------ a
+// small world
 
-Eigen::Vector3f vec(double x, double y, double z) { return Eigen::Vector3d(x, y, z).cast<float>(); }
+Eigen::Vector3f vec(double x, double y, double z) {
+  return Eigen::Vector3d(x, y, z).cast<float>();
+}
 
 // Beams from the origin to a wall at this x.
 Scan wallAt(double x) {
@@ -321,7 +324,8 @@ TEST(OccupancyMap, SameSeedSameMap) {
   EXPECT_FALSE(cells(1) == cells(2));
 }
 
-// ---------------------------------------------------------------------------------------------------------- queries
+// ----------------------------------------------------------------------------------------------------------
+// queries
 
 class QueryTest : public ::testing::Test {
  protected:
@@ -331,7 +335,9 @@ class QueryTest : public ::testing::Test {
     bool disjoint;
     voxels_ = voxelsOf(map_, &disjoint);
   }
-  double uniform(double low, double high) { return std::uniform_real_distribution<double>(low, high)(random_); }
+  double uniform(double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random_);
+  }
   Eigen::Vector3d randomPoint() { return {uniform(-6, 6), uniform(-6, 6), uniform(-3, 3)}; }
 
   OccupancyMap map_;
@@ -450,14 +456,16 @@ TEST_F(QueryTest, VisitsABox) {
   std::size_t found = 0, expected = 0;
   map_.visitBox(min, max, [&](const Cell&) { return ++found > 0; });
   map_.tree().visitAll([&](const Cell& c) {
-    expected += (map_.minCorner(c.box).array() < max.array() - 1e-9).all() && (map_.maxCorner(c.box).array() > min.array() + 1e-9).all();
+    expected += (map_.minCorner(c.box).array() < max.array() - 1e-9).all() &&
+                (map_.maxCorner(c.box).array() > min.array() + 1e-9).all();
     return true;
   });
   EXPECT_EQ(found, expected);
   EXPECT_GT(found, 100U);
 }
 
-// ---------------------------------------------------------------------------------------------------------- options
+// ----------------------------------------------------------------------------------------------------------
+// options
 
 TEST(Options, NamesWhatIsWrong) {
   const auto message = [](auto&& change) -> std::string {
@@ -474,7 +482,8 @@ TEST(Options, NamesWhatIsWrong) {
   EXPECT_EQ(message([](Options& o) { o.prob_hit = 0.4; }), "prob_hit is 0.4, allowed is 0.5 to below 1");
   EXPECT_EQ(message([](Options& o) { o.max_range = -1; }), "max_range is -1, allowed is more than min_range");
   EXPECT_EQ(message([](Options& o) { o.max_range = std::nan(""); }).substr(0, 12), "max_range is");
-  EXPECT_EQ(message([](Options& o) { o.search_order = "xxy"; }), "search_order is 'xxy', allowed is a permutation of xyz");
+  EXPECT_EQ(message([](Options& o) { o.search_order = "xxy"; }),
+            "search_order is 'xxy', allowed is a permutation of xyz");
   EXPECT_EQ(message([](Options& o) { o.tree.max_entries = 1; }), "max_entries (M) is 1, allowed is 2 to 256");
   EXPECT_EQ(message([](Options&) {}), "accepted");
   EXPECT_THROW(parseSensorModel("laser"), std::invalid_argument);

@@ -231,8 +231,10 @@ template <class Message>
 void MappingNodelet::arrived(Input<Message>& input, const boost::shared_ptr<const Message>& message) {
   ++input.received;
   const ros::Time stamp = message->header.stamp;
-  if (stamp + kOutOfOrder < input.last_stamp) timeJumpedBack(input.last_stamp - stamp);
-  input.last_stamp = stamp;
+  if (!stamp.isZero()) {  // zero: whatever transform is the latest
+    if (stamp + kOutOfOrder < input.last_stamp) timeJumpedBack(input.last_stamp - stamp);
+    input.last_stamp = stamp;
+  }
   if (isEmpty(*message)) {
     drop(kEmpty, "nothing was measured in it");
     return;
