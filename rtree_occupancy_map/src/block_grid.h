@@ -76,7 +76,7 @@ class BlockGrid {
   void emit(const LocalBox& box, Class c);
   void order(std::vector<Cell>& cells);
 
-  const Options& options_;
+  const Options options_;  // not a reference: the map that owns both may be moved
   const LogOddsModel model_;
   std::array<int, 3> axes_;  // of the search order
 

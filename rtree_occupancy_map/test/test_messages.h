@@ -15,6 +15,7 @@
 #include <cstring>
 #include <map>
 #include <random>
+#include <set>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -35,15 +36,24 @@ inline std::size_t writeField(std::uint8_t type, double value, std::uint8_t* to)
   };
   using sensor_msgs::PointField;
   switch (type) {
-    case PointField::INT8: return write(static_cast<std::int8_t>(value));
-    case PointField::UINT8: return write(static_cast<std::uint8_t>(value));
-    case PointField::INT16: return write(static_cast<std::int16_t>(value));
-    case PointField::UINT16: return write(static_cast<std::uint16_t>(value));
-    case PointField::INT32: return write(static_cast<std::int32_t>(value));
-    case PointField::UINT32: return write(static_cast<std::uint32_t>(value));
-    case PointField::FLOAT32: return write(static_cast<float>(value));
-    case PointField::FLOAT64: return write(value);
-    default: throw std::invalid_argument("type");
+    case PointField::INT8:
+      return write(static_cast<std::int8_t>(value));
+    case PointField::UINT8:
+      return write(static_cast<std::uint8_t>(value));
+    case PointField::INT16:
+      return write(static_cast<std::int16_t>(value));
+    case PointField::UINT16:
+      return write(static_cast<std::uint16_t>(value));
+    case PointField::INT32:
+      return write(static_cast<std::int32_t>(value));
+    case PointField::UINT32:
+      return write(static_cast<std::uint32_t>(value));
+    case PointField::FLOAT32:
+      return write(static_cast<float>(value));
+    case PointField::FLOAT64:
+      return write(value);
+    default:
+      throw std::invalid_argument("type");
   }
 }
 
@@ -92,7 +102,8 @@ inline std::vector<Eigen::Vector3f> roomPoints(const Eigen::Vector3f& half_size,
 }
 
 /// Corners in voxels of a cuboid of this centre and size.
-inline std::array<int, 6> boxOf(const Eigen::Vector3d& center, const Eigen::Vector3d& size, double resolution) {
+inline std::array<int, 6> boxOf(const Eigen::Vector3d& center, const Eigen::Vector3d& size,
+                                double resolution) {
   std::array<int, 6> box;
   for (int i = 0; i < 3; ++i) {
     box[i] = static_cast<int>(std::lround((center[i] - 0.5 * size[i]) / resolution));
@@ -121,7 +132,11 @@ class MarkerDisplay {
   using Id = std::pair<std::string, int>;
 
   void show(const visualization_msgs::MarkerArray& message) {
+    std::set<Id> seen;
     for (const auto& m : message.markers) {
+      if (m.action != visualization_msgs::Marker::DELETEALL && !seen.insert({m.ns, m.id}).second) {
+        throw std::runtime_error("an id that is twice in one message");
+      }
       if (m.action == visualization_msgs::Marker::DELETEALL) {
         markers_.clear();
       } else if (m.action == visualization_msgs::Marker::DELETE) {

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <memory>
 #include <random>
 
 #include "plain_grid.h"
@@ -303,6 +304,26 @@ TEST(OccupancyMap, ClearsABox) {
   EXPECT_EQ(map.stateAt({1.15, 0.05, 0.05}), VoxelState::kUnknown);
   EXPECT_EQ(map.tree().checkInvariants(), "");
   EXPECT_TRUE(map.clearBox({1.0, -0.5, -2.0}, {1.1, 0.5, 2.0}).empty());
+}
+
+TEST(OccupancyMap, GoesOnAfterAMove) {
+  Options o = small();
+  auto first = std::make_unique<OccupancyMap>(o);
+  PlainGrid grid(o);
+  RandomScans scans(8);
+  const auto insert = [&](OccupancyMap& map) {
+    const Scan scan = scans.next(200);
+    map.insertScan(scan);
+    grid.insert(scan);
+  };
+  insert(*first);
+  OccupancyMap second(std::move(*first));
+  first.reset();
+  for (int i = 0; i < 10; ++i) insert(second);
+  OccupancyMap third{Options()};
+  third = std::move(second);
+  for (int i = 0; i < 10; ++i) insert(third);
+  expectLossless(third, grid);
 }
 
 TEST(OccupancyMap, SameSeedSameMap) {

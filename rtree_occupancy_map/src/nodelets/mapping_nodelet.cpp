@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
-// Builds an occupancy map from point clouds and laser scans. Everything but the reception of transforms happens in
-// the nodelet's single-threaded callback queue, so that nothing here needs a lock.
+// Builds an occupancy map from point clouds and laser scans. Everything but the reception of transforms
+// happens in the nodelet's single-threaded callback queue, so that nothing here needs a lock.
 #include <diagnostic_updater/diagnostic_updater.h>
 #include <dynamic_reconfigure/server.h>
 #include <mapping_msgs/LoadMap.h>
 #include <mapping_msgs/SaveMap.h>
 #include <nodelet/nodelet.h>
-#include <pluginlib/class_list_macros.hpp>
 #include <rtree_occupancy_map/BoundingBoxQuery.h>
 #include <rtree_occupancy_map/CastRay.h>
 #include <rtree_occupancy_map/CellsInBox.h>
@@ -22,6 +21,7 @@
 #include <array>
 #include <cmath>
 #include <memory>
+#include <pluginlib/class_list_macros.hpp>
 #include <sstream>
 #include <stdexcept>
 #include <string>
@@ -62,8 +62,12 @@ struct Activity {
   double publication_time = 0.0;
 };
 
-bool isEmpty(const sensor_msgs::PointCloud2& cloud) { return cloud.width == 0 || cloud.height == 0; }
-bool isEmpty(const sensor_msgs::LaserScan& scan) { return scan.ranges.empty(); }
+bool isEmpty(const sensor_msgs::PointCloud2& cloud) {
+  return cloud.width == 0 || cloud.height == 0;
+}
+bool isEmpty(const sensor_msgs::LaserScan& scan) {
+  return scan.ranges.empty();
+}
 
 void requireAbsolute(const std::string& path) {
   if (path.empty() || path[0] != '/') {
@@ -174,8 +178,8 @@ void MappingNodelet::start() {
   // Wall time: what a bag brought is shown and reported while it is paused, too.
   publish_timer_ = node.createWallTimer(ros::WallDuration(1.0 / parameters.publish_rate),
                                         [this](const ros::WallTimerEvent&) { publish(); });
-  reconfigure_server_ =
-      std::make_unique<dynamic_reconfigure::Server<MappingConfig>>(reconfigure_mutex_, ros::NodeHandle(private_node, "reconfigure"));
+  reconfigure_server_ = std::make_unique<dynamic_reconfigure::Server<MappingConfig>>(
+      reconfigure_mutex_, ros::NodeHandle(private_node, "reconfigure"));
   reconfigure_server_->updateConfig(config_);
   reconfigure_server_->setCallback(
       [this](MappingConfig& config, std::uint32_t level) { reconfigure(config, level); });
@@ -200,13 +204,15 @@ void MappingNodelet::start() {
   save_on_shutdown_ = parameters.save_on_shutdown;
 }
 
-// -------------------------------------------------------------------------------------------------------- input
+// --------------------------------------------------------------------------------------------------------
+// input
 
 template <class Message>
-void MappingNodelet::listen(Input<Message>& input, const std::string& topic, const MappingParameters& parameters) {
+void MappingNodelet::listen(Input<Message>& input, const std::string& topic,
+                            const MappingParameters& parameters) {
   using Pointer = boost::shared_ptr<const Message>;
-  input.filter = std::make_unique<tf2_ros::MessageFilter<Message>>(tf_buffer_, frame_id_, parameters.queue_size,
-                                                                   getNodeHandle());
+  input.filter = std::make_unique<tf2_ros::MessageFilter<Message>>(tf_buffer_, frame_id_,
+                                                                   parameters.queue_size, getNodeHandle());
   input.filter->setTolerance(ros::Duration(parameters.transform_tolerance));
   input.filter->registerCallback([this, &input](const Pointer& message) {
     --input.waiting;
@@ -288,13 +294,15 @@ void MappingNodelet::drop(Reason reason, const std::string& why, std::size_t cou
   activity_.drops += count;
   std::ostringstream counts;
   for (int r = 0; r < kNumReasons; ++r) counts << (r > 0 ? ", " : "") << dropped_[r] << ' ' << kReasons[r];
-  NODELET_WARN_STREAM_THROTTLE(5.0, "Dropped a message (" << kReasons[reason] << "): " << why << ". So far: "
-                                                          << counts.str());
+  NODELET_WARN_STREAM_THROTTLE(
+      5.0, "Dropped a message (" << kReasons[reason] << "): " << why << ". So far: " << counts.str());
 }
 
-// ----------------------------------------------------------------------------------------------------- services
+// -----------------------------------------------------------------------------------------------------
+// services
 
-bool MappingNodelet::saveMap(mapping_msgs::SaveMap::Request& request, mapping_msgs::SaveMap::Response& response) {
+bool MappingNodelet::saveMap(mapping_msgs::SaveMap::Request& request,
+                             mapping_msgs::SaveMap::Response& response) {
   try {
     requireAbsolute(request.path);
     map_.save(request.path);
@@ -306,7 +314,8 @@ bool MappingNodelet::saveMap(mapping_msgs::SaveMap::Request& request, mapping_ms
   return true;
 }
 
-bool MappingNodelet::loadMap(mapping_msgs::LoadMap::Request& request, mapping_msgs::LoadMap::Response& response) {
+bool MappingNodelet::loadMap(mapping_msgs::LoadMap::Request& request,
+                             mapping_msgs::LoadMap::Response& response) {
   try {
     requireAbsolute(request.path);
     response.message = load(request.path);
@@ -324,8 +333,8 @@ std::string MappingNodelet::load(const std::string& path) {
   map.setRange(config_.min_range, maxRange(config_.max_range));
   map_ = std::move(map);
   std::ostringstream text;
-  text << "Read " << map_.tree().size() << " cells of a map of " << map_.options().resolution << " m from " << path
-       << ". Its resolution, sensor model and fusion replace those of the parameters";
+  text << "Read " << map_.tree().size() << " cells of a map of " << map_.options().resolution << " m from "
+       << path << ". Its resolution, sensor model and fusion replace those of the parameters";
   return text.str();
 }
 
@@ -360,8 +369,12 @@ bool MappingNodelet::castRay(CastRay::Request& request, CastRay::Response& respo
         response.result = CastRay::Response::OCCUPIED;
         response.cell = toMessage(map_, hit.cell);
         break;
-      case RayHit::Result::kUnknown: response.result = CastRay::Response::UNKNOWN; break;
-      case RayHit::Result::kNothing: response.result = CastRay::Response::NOTHING; break;
+      case RayHit::Result::kUnknown:
+        response.result = CastRay::Response::UNKNOWN;
+        break;
+      case RayHit::Result::kNothing:
+        response.result = CastRay::Response::NOTHING;
+        break;
     }
     return true;
   } catch (const std::invalid_argument& e) {
@@ -372,7 +385,8 @@ bool MappingNodelet::castRay(CastRay::Request& request, CastRay::Response& respo
 
 bool MappingNodelet::isBox(const geometry_msgs::Point& min, const geometry_msgs::Point& max) const {
   if ((toEigen(min).array() <= toEigen(max).array()).all()) return true;
-  NODELET_ERROR_STREAM("No box: min is " << toEigen(min).transpose() << ", max is " << toEigen(max).transpose()
+  NODELET_ERROR_STREAM("No box: min is " << toEigen(min).transpose() << ", max is "
+                                         << toEigen(max).transpose()
                                          << ", allowed is min <= max along each axis");
   return false;
 }
@@ -417,7 +431,8 @@ void MappingNodelet::diagnoseInput(diagnostic_updater::DiagnosticStatusWrapper& 
   if (activity_.drops > 0) {
     status.summaryf(DiagnosticStatus::WARN, "%zu messages dropped", activity_.drops);
   } else if (activity_.insertions == 0 && waiting > 0) {
-    status.summaryf(DiagnosticStatus::WARN, "%zu messages wait for a transform to %s", waiting, frame_id_.c_str());
+    status.summaryf(DiagnosticStatus::WARN, "%zu messages wait for a transform to %s", waiting,
+                    frame_id_.c_str());
   } else {
     status.summary(DiagnosticStatus::OK, activity_.insertions > 0 ? "Mapping" : "No input");
   }
@@ -438,11 +453,13 @@ void MappingNodelet::diagnoseMap(diagnostic_updater::DiagnosticStatusWrapper& st
   const auto milliseconds = [](double sum, std::size_t count) { return count > 0 ? 1e3 * sum / count : 0.0; };
   status.summaryf(diagnostic_msgs::DiagnosticStatus::OK, "%zu cells", map_.tree().size());
   status.add("Cells", map_.tree().size());
-  status.addf("Memory of the R-tree (MiB)", "%.1f", static_cast<double>(map_.tree().memoryUsage()) / (1 << 20));
+  status.addf("Memory of the R-tree (MiB)", "%.1f",
+              static_cast<double>(map_.tree().memoryUsage()) / (1 << 20));
   status.add("Resolution (m)", map_.options().resolution);
   status.addf("Insertion, mean (ms)", "%.2f", milliseconds(activity_.insertion_time, activity_.insertions));
   status.addf("Insertion, longest (ms)", "%.2f", 1e3 * activity_.longest_insertion);
-  status.addf("Publishing, mean (ms)", "%.2f", milliseconds(activity_.publication_time, activity_.publications));
+  status.addf("Publishing, mean (ms)", "%.2f",
+              milliseconds(activity_.publication_time, activity_.publications));
 }
 
 }  // namespace rtree_occupancy_map

@@ -47,8 +47,14 @@ sensor_msgs::PointCloud2 toPointCloud2(const OccupancyMap& map, const std::vecto
   for (const Cell& cell : cells) {
     const Eigen::Vector3f center = map.center(cell.box).cast<float>();
     const Eigen::Vector3f size = (map.maxCorner(cell.box) - map.minCorner(cell.box)).cast<float>();
-    const float values[] = {center.x(), center.y(), center.z(), size.x(), size.y(), size.z(),
-                            static_cast<float>(OccupancyMap::probability(cell.log_odds)), cell.reflectivity.mean};
+    const float values[] = {center.x(),
+                            center.y(),
+                            center.z(),
+                            size.x(),
+                            size.y(),
+                            size.z(),
+                            static_cast<float>(OccupancyMap::probability(cell.log_odds)),
+                            cell.reflectivity.mean};
     std::memcpy(out, values, sizeof(values));
     out += sizeof(values);
   }

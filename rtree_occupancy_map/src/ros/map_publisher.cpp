@@ -44,18 +44,22 @@ MapPublisher::MapPublisher(ros::NodeHandle& node, const DisplayOptions& options,
   if (options.publish_free_space) advertiseMarkers(node, "free_cells_vis_array", free_);
 
   cells_updates_ = node.advertise<sensor_msgs::PointCloud2>("occupied_cells_centers_updates", 10);
-  cells_ = node.advertise<sensor_msgs::PointCloud2>("occupied_cells_centers", 1, [this](const Subscriber& subscriber) {
-    if (cells_.getNumSubscribers() == 1) last_cells_ = ros::WallTime::now();
-    if (options_.latch) subscriber.publish(cloudOf(occupiedCells(map_)));
-  });
+  cells_ = node.advertise<sensor_msgs::PointCloud2>("occupied_cells_centers", 1,
+                                                    [this](const Subscriber& subscriber) {
+                                                      if (cells_.getNumSubscribers() == 1)
+                                                        last_cells_ = ros::WallTime::now();
+                                                      if (options_.latch)
+                                                        subscriber.publish(cloudOf(occupiedCells(map_)));
+                                                    });
 
-  projection_updates_ = node.advertise<map_msgs::OccupancyGridUpdate>("projected_map_updates", 10,
-                                                                      [this](const Subscriber&) { startProjection(); });
-  projection_ = node.advertise<nav_msgs::OccupancyGrid>("projected_map", 1, [this](const Subscriber& subscriber) {
-    publish();
-    startProjection();
-    if (options_.latch) subscriber.publish(projected_map_.grid());
-  });
+  projection_updates_ = node.advertise<map_msgs::OccupancyGridUpdate>(
+      "projected_map_updates", 10, [this](const Subscriber&) { startProjection(); });
+  projection_ =
+      node.advertise<nav_msgs::OccupancyGrid>("projected_map", 1, [this](const Subscriber& subscriber) {
+        publish();
+        startProjection();
+        if (options_.latch) subscriber.publish(projected_map_.grid());
+      });
 }
 
 void MapPublisher::advertiseMarkers(ros::NodeHandle& node, const std::string& topic, Markers& markers) {

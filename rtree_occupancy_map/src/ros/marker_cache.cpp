@@ -26,8 +26,9 @@ std_msgs::ColorRGBA colorOf(const OccupancyMap& map, const Cell& cell, const Col
       color.b = 0.5F;  // none measured: a colour that is no grey
     }
   } else {
-    const float f = scale.mode == ColorMode::kHeight ? fraction(map.center(cell.box).z())
-                                                     : static_cast<float>(OccupancyMap::probability(cell.log_odds));
+    const float f = scale.mode == ColorMode::kHeight
+                        ? fraction(map.center(cell.box).z())
+                        : static_cast<float>(OccupancyMap::probability(cell.log_odds));
     const auto ramp = [f](float peak) { return std::clamp(1.5F - std::abs(4.0F * f - peak), 0.0F, 1.0F); };
     color.r = ramp(3.0F);
     color.g = ramp(2.0F);
@@ -39,7 +40,8 @@ std_msgs::ColorRGBA colorOf(const OccupancyMap& map, const Cell& cell, const Col
 
 template <class T>
 std::size_t hashOf(const std::vector<T>& values) {
-  return std::hash<std::string_view>()({reinterpret_cast<const char*>(values.data()), values.size() * sizeof(T)});
+  return std::hash<std::string_view>()(
+      {reinterpret_cast<const char*>(values.data()), values.size() * sizeof(T)});
 }
 
 }  // namespace
@@ -59,7 +61,8 @@ MarkerCache::MarkerCache(const std::string& frame_id, Show show) : show_(show) {
   marker_.color.a = 1.0F;
 }
 
-visualization_msgs::MarkerArray MarkerCache::changes(const OccupancyMap& map, const std::vector<Block>& blocks,
+visualization_msgs::MarkerArray MarkerCache::changes(const OccupancyMap& map,
+                                                     const std::vector<Block>& blocks,
                                                      const ColorScale& scale) {
   return show(map, blocks, scale, false);
 }
@@ -87,6 +90,7 @@ void MarkerCache::clear() {
 visualization_msgs::MarkerArray MarkerCache::show(const OccupancyMap& map, const std::vector<Block>& blocks,
                                                   const ColorScale& scale, bool unchanged_too) {
   visualization_msgs::MarkerArray out;
+  std::vector<std::int32_t> freed;  // for later messages: RViz warns of an id that is twice in one
   std::map<Size, std::vector<Cell>> by_size;
   for (const Block& block : blocks) {
     by_size.clear();
@@ -103,7 +107,8 @@ visualization_msgs::MarkerArray MarkerCache::show(const OccupancyMap& map, const
     }
 
     // What vanished.
-    for (auto shown = shown_.lower_bound({block, Size{}}); shown != shown_.end() && shown->first.first == block;) {
+    for (auto shown = shown_.lower_bound({block, Size{}});
+         shown != shown_.end() && shown->first.first == block;) {
       if (by_size.count(shown->first.second) > 0) {
         ++shown;
         continue;
@@ -113,7 +118,7 @@ visualization_msgs::MarkerArray MarkerCache::show(const OccupancyMap& map, const
       marker_.id = shown->second.id;
       marker_.action = visualization_msgs::Marker::DELETE;
       out.markers.push_back(marker_);
-      free_ids_.push_back(shown->second.id);
+      freed.push_back(shown->second.id);
       shown = shown_.erase(shown);
     }
     // What there is.
@@ -133,6 +138,7 @@ visualization_msgs::MarkerArray MarkerCache::show(const OccupancyMap& map, const
       out.markers.push_back(marker_);
     }
   }
+  free_ids_.insert(free_ids_.end(), freed.begin(), freed.end());
   return out;
 }
 

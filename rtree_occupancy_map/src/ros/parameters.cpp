@@ -102,7 +102,9 @@ void Parameters::rejectUnknown(const std::string& except) const {
   }
 }
 
-double maxRange(double parameter) { return parameter == -1.0 ? std::numeric_limits<double>::infinity() : parameter; }
+double maxRange(double parameter) {
+  return parameter == -1.0 ? std::numeric_limits<double>::infinity() : parameter;
+}
 
 MappingParameters readMappingParameters(Parameters& p) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -120,7 +122,8 @@ MappingParameters readMappingParameters(Parameters& p) {
     value = p.get(name, value);
     check(name, [&] { o.validate(); });
   };
-  const auto choice = [&](const std::string& name, const std::string& fallback, auto& value, const auto& parse) {
+  const auto choice = [&](const std::string& name, const std::string& fallback, auto& value,
+                          const auto& parse) {
     const std::string text = p.get(name, fallback);
     check(name, [&] { value = parse(text); });
   };

@@ -23,7 +23,8 @@ void ProjectedMap::clear() {
   grid_.data = {kUnknown};
 }
 
-void ProjectedMap::rebuild(const OccupancyMap& map, double min_z, double max_z, const std_msgs::Header& header) {
+void ProjectedMap::rebuild(const OccupancyMap& map, double min_z, double max_z,
+                           const std_msgs::Header& header) {
   clear();
   heights_ = map.boxOf({0.0, 0.0, min_z}, {0.0, 0.0, max_z});
   grid_.info.resolution = static_cast<float>(map.options().resolution);
@@ -43,7 +44,8 @@ bool ProjectedMap::update(const OccupancyMap& map, const std::vector<Block>& blo
   const bool grown = grow(columns, map.options().resolution);
 
   const int width = static_cast<int>(grid_.info.width);
-  int min_x = width, max_x = 0, min_y = static_cast<int>(grid_.info.height), max_y = 0;  // what changed, half-open
+  int min_x = width, max_x = 0, min_y = static_cast<int>(grid_.info.height),
+      max_y = 0;  // what changed, half-open
   for (const Column& column : columns) {
     const Pixels pixels = project(map, column);
     const int x0 = (column[0] - min_[0]) * kBlockSize, y0 = (column[1] - min_[1]) * kBlockSize;
@@ -89,7 +91,8 @@ bool ProjectedMap::grow(const std::vector<Column>& columns, double resolution) {
   std::vector<std::int8_t> data(static_cast<std::size_t>(width) * height, kUnknown);
   for (int y = min_[1]; y < max_[1]; ++y) {  // rows of blocks
     for (int i = 0; i < kBlockSize; ++i) {
-      const auto from = grid_.data.begin() + static_cast<std::ptrdiff_t>((y - min_[1]) * kBlockSize + i) * grid_.info.width;
+      const auto from =
+          grid_.data.begin() + static_cast<std::ptrdiff_t>((y - min_[1]) * kBlockSize + i) * grid_.info.width;
       const auto to = data.begin() + static_cast<std::ptrdiff_t>((y - min[1]) * kBlockSize + i) * width;
       std::copy(from, from + grid_.info.width, to + (min_[0] - min[0]) * kBlockSize);
     }

@@ -35,16 +35,25 @@ FieldReader readerOf(std::size_t offset) {
 
 FieldReader readerOf(const PointField& field) {
   switch (field.datatype) {
-    case PointField::INT8: return readerOf<std::int8_t>(field.offset);
-    case PointField::UINT8: return readerOf<std::uint8_t>(field.offset);
-    case PointField::INT16: return readerOf<std::int16_t>(field.offset);
-    case PointField::UINT16: return readerOf<std::uint16_t>(field.offset);
-    case PointField::INT32: return readerOf<std::int32_t>(field.offset);
-    case PointField::UINT32: return readerOf<std::uint32_t>(field.offset);
-    case PointField::FLOAT32: return readerOf<float>(field.offset);
-    case PointField::FLOAT64: return readerOf<double>(field.offset);
+    case PointField::INT8:
+      return readerOf<std::int8_t>(field.offset);
+    case PointField::UINT8:
+      return readerOf<std::uint8_t>(field.offset);
+    case PointField::INT16:
+      return readerOf<std::int16_t>(field.offset);
+    case PointField::UINT16:
+      return readerOf<std::uint16_t>(field.offset);
+    case PointField::INT32:
+      return readerOf<std::int32_t>(field.offset);
+    case PointField::UINT32:
+      return readerOf<std::uint32_t>(field.offset);
+    case PointField::FLOAT32:
+      return readerOf<float>(field.offset);
+    case PointField::FLOAT64:
+      return readerOf<double>(field.offset);
     default:
-      throw std::invalid_argument("field " + field.name + " of unknown type " + std::to_string(field.datatype));
+      throw std::invalid_argument("field " + field.name + " of unknown type " +
+                                  std::to_string(field.datatype));
   }
 }
 
@@ -53,8 +62,8 @@ FieldReader findField(const sensor_msgs::PointCloud2& cloud, const std::string& 
     if (field.name != name) continue;
     const FieldReader reader = readerOf(field);
     if (reader.offset + reader.size > cloud.point_step) {
-      throw std::invalid_argument("field " + name + " ends beyond the point's " + std::to_string(cloud.point_step) +
-                                  " bytes");
+      throw std::invalid_argument("field " + name + " ends beyond the point's " +
+                                  std::to_string(cloud.point_step) + " bytes");
     }
     return reader;
   }
@@ -63,7 +72,8 @@ FieldReader findField(const sensor_msgs::PointCloud2& cloud, const std::string& 
 
 FieldReader findCoordinate(const sensor_msgs::PointCloud2& cloud, const std::string& name) {
   for (const PointField& field : cloud.fields) {
-    if (field.name == name && (field.datatype == PointField::FLOAT32 || field.datatype == PointField::FLOAT64)) {
+    if (field.name == name &&
+        (field.datatype == PointField::FLOAT32 || field.datatype == PointField::FLOAT64)) {
       return findField(cloud, name);
     }
   }
@@ -75,16 +85,17 @@ FieldReader findCoordinate(const sensor_msgs::PointCloud2& cloud, const std::str
 ConvertedScan toScan(const sensor_msgs::PointCloud2& cloud, const Eigen::Isometry3d& sensor_in_map,
                      const ScanLimits& limits) {
   if (cloud.is_bigendian) throw std::invalid_argument("big-endian data, expected little-endian");
-  const FieldReader x = findCoordinate(cloud, "x"), y = findCoordinate(cloud, "y"), z = findCoordinate(cloud, "z");
+  const FieldReader x = findCoordinate(cloud, "x"), y = findCoordinate(cloud, "y"),
+                    z = findCoordinate(cloud, "z");
   FieldReader reflectivity = findField(cloud, "reflectivity");
   if (reflectivity.size == 0) reflectivity = findField(cloud, "intensity");
 
   const std::size_t width = cloud.width, height = cloud.height, row_size = width * cloud.point_step;
   const std::size_t row_step = height > 1 ? cloud.row_step : row_size;
   if (row_step < row_size || (height > 0 && cloud.data.size() < (height - 1) * row_step + row_size)) {
-    throw std::invalid_argument(std::to_string(cloud.data.size()) + " bytes in rows of " + std::to_string(row_step) +
-                                ", too few for " + std::to_string(height) + " x " + std::to_string(width) +
-                                " points of " + std::to_string(cloud.point_step));
+    throw std::invalid_argument(std::to_string(cloud.data.size()) + " bytes in rows of " +
+                                std::to_string(row_step) + ", too few for " + std::to_string(height) + " x " +
+                                std::to_string(width) + " points of " + std::to_string(cloud.point_step));
   }
 
   ConvertedScan converted;

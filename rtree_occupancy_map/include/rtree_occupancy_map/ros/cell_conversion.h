@@ -19,8 +19,8 @@ Eigen::Vector3d toEigen(const Message& m) {
 geometry_msgs::Point toPoint(const Eigen::Vector3d& p);
 MapCell toMessage(const OccupancyMap& map, const Cell& cell);
 
-/// A cloud of the cells' centres: float32 x y z, size_x size_y size_z (m), probability, reflectivity (NaN without).
-/// The header is left to the caller.
+/// A cloud of the cells' centres: float32 x y z, size_x size_y size_z (m), probability, reflectivity (NaN
+/// without). The header is left to the caller.
 sensor_msgs::PointCloud2 toPointCloud2(const OccupancyMap& map, const std::vector<Cell>& cells);
 
 /// All blocks with at least one cell, sorted.

@@ -27,8 +27,9 @@ struct DisplayOptions {
   void validate() const;
 };
 
-/// Publishes a map: markers, cells, projection. A new subscriber gets everything once, later messages hold what
-/// changed, and what nobody listens to costs nothing. All calls must come from the thread of the handle's callbacks.
+/// Publishes a map: markers, cells, projection. A new subscriber gets everything once, later messages hold
+/// what changed, and what nobody listens to costs nothing. (To ROS, all subscribers of a topic in one process
+/// are one.) All calls must come from the thread of the handle's callbacks.
 class MapPublisher {
  public:
   /// @param map stays where it is for as long as the publisher lives

@@ -16,19 +16,21 @@ namespace rtree_occupancy_map {
 
 enum class ColorMode { kHeight, kOccupancy, kReflectivity };
 
-/// From height | occupancy | reflectivity. @throws std::invalid_argument that names the value and what is allowed
+/// From height | occupancy | reflectivity. @throws std::invalid_argument that names the value and what is
+/// allowed
 ColorMode parseColorMode(const std::string& name);
 
-/// What the colours of cells stand for. Height and occupancy run from blue to red, reflectivity from black to white.
+/// What the colours of cells stand for. Height and occupancy run from blue to red, reflectivity from black to
+/// white.
 struct ColorScale {
   ColorMode mode = ColorMode::kHeight;
   double min = 0.0;  ///< height (m) or reflectivity at the lower end
   double max = 3.0;  ///< and at the upper end; a probability always runs from 0 to 1
 };
 
-/// The map's occupied, or its free, cells as markers: one CUBE_LIST for each block and cell size that it has. What
-/// was shown of each is remembered, so that later only what changed is sent: ADD for new content, DELETE for what
-/// vanished. The ids are stable for as long as a marker is shown.
+/// The map's occupied, or its free, cells as markers: one CUBE_LIST for each block and cell size that it has.
+/// What was shown of each is remembered, so that later only what changed is sent: ADD for new content, DELETE
+/// for what vanished. The ids are stable for as long as a marker is shown.
 class MarkerCache {
  public:
   enum class Show { kOccupied, kFree };

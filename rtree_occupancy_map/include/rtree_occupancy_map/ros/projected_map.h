@@ -11,8 +11,9 @@
 
 namespace rtree_occupancy_map {
 
-/// The map seen from above, between two heights: a pixel is 100 (occupied) if any voxel of its column is occupied,
-/// else 0 (free) if any is free, else -1 (unknown). Only the columns of changed blocks are projected anew.
+/// The map seen from above, between two heights: a pixel is 100 (occupied) if any voxel of its column is
+/// occupied, else 0 (free) if any is free, else -1 (unknown). Only the columns of changed blocks are
+/// projected anew.
 class ProjectedMap {
  public:
   ProjectedMap() { clear(); }

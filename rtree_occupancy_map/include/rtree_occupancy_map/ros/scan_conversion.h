@@ -31,8 +31,8 @@ struct ConvertedScan {
 ConvertedScan toScan(const sensor_msgs::PointCloud2& cloud, const Eigen::Isometry3d& sensor_in_map,
                      const ScanLimits& limits);
 
-/// Ranges after REP 117: +inf or beyond range_max is no return; NaN, -inf and below range_min is no measurement.
-/// The sensor is taken to stand still during the sweep.
+/// Ranges after REP 117: +inf or beyond range_max is no return; NaN, -inf and below range_min is no
+/// measurement. The sensor is taken to stand still during the sweep.
 /// @throws std::invalid_argument that says what is malformed
 ConvertedScan toScan(const sensor_msgs::LaserScan& scan, const Eigen::Isometry3d& sensor_in_map,
                      const ScanLimits& limits);

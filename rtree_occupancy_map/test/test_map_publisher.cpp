@@ -11,7 +11,7 @@
 #include <memory>
 #include <set>
 
-#include "nodelet_test.h"
+#include "nodelet_fixture.h"
 
 namespace rtree_occupancy_map {
 namespace {
@@ -65,7 +65,8 @@ int printBoxes(const std::string& topic) {
 }
 
 std::vector<std::array<int, 6>> boxesSeenByAnotherProcess(const std::string& topic) {
-  const std::unique_ptr<FILE, int (*)(FILE*)> out(popen(("/proc/$PPID/exe --print-boxes " + topic).c_str(), "r"), pclose);
+  const std::unique_ptr<FILE, int (*)(FILE*)> out(
+      popen(("/proc/$PPID/exe --print-boxes " + topic).c_str(), "r"), pclose);
   std::vector<std::array<int, 6>> boxes;
   std::array<int, 6> b;
   while (fscanf(out.get(), "%d %d %d %d %d %d", &b[0], &b[1], &b[2], &b[3], &b[4], &b[5]) == 6) {
@@ -90,7 +91,8 @@ std::map<std::array<int, 2>, int> knownPixels(const nav_msgs::OccupancyGrid& gri
   const int y0 = static_cast<int>(std::lround(grid.info.origin.position.y / grid.info.resolution));
   for (std::size_t i = 0; i < grid.data.size(); ++i) {
     if (grid.data[i] != -1) {
-      pixels[{x0 + static_cast<int>(i % grid.info.width), y0 + static_cast<int>(i / grid.info.width)}] = grid.data[i];
+      pixels[{x0 + static_cast<int>(i % grid.info.width), y0 + static_cast<int>(i / grid.info.width)}] =
+          grid.data[i];
     }
   }
   return pixels;
@@ -112,7 +114,8 @@ TEST_F(MapPublisher, OneWhoComesLateGetsItAll) {
   Recorder<sensor_msgs::PointCloud2> cells(node_, "occupied_cells_centers");
   Recorder<nav_msgs::OccupancyGrid> grid(node_, "projected_map");
   ASSERT_TRUE(waitFor([&] {
-    return !occupied.messages.empty() && !free.messages.empty() && !cells.messages.empty() && !grid.messages.empty();
+    return !occupied.messages.empty() && !free.messages.empty() && !cells.messages.empty() &&
+           !grid.messages.empty();
   }));
   EXPECT_EQ(voxelsIn(boxes(true)), voxelsIn(boxesOf(occupied.messages)));
   EXPECT_EQ(voxelsIn(boxes(false)), voxelsIn(boxesOf(free.messages)));
@@ -133,7 +136,8 @@ TEST_F(MapPublisher, LaterMessagesHoldWhatChanged) {
   Recorder<MarkerArray> occupied(node_, "occupied_cells_vis_array"), free(node_, "free_cells_vis_array");
   Recorder<sensor_msgs::PointCloud2> cells(node_, "occupied_cells_centers"),
       cells_updates(node_, "occupied_cells_centers_updates");
-  ASSERT_TRUE(waitFor([&] { return !occupied.messages.empty() && !free.messages.empty() && !cells.messages.empty(); }));
+  ASSERT_TRUE(waitFor(
+      [&] { return !occupied.messages.empty() && !free.messages.empty() && !cells.messages.empty(); }));
   spinFor(0.5);
   const std::size_t occupied_before = occupied.messages.size(), free_before = free.messages.size();
 
@@ -141,7 +145,8 @@ TEST_F(MapPublisher, LaterMessagesHoldWhatChanged) {
   ASSERT_GT(occupied.messages.size(), occupied_before);
   ASSERT_GT(free.messages.size(), free_before);
   for (const auto* recorder : {&occupied, &free}) {
-    for (std::size_t i = recorder == &occupied ? occupied_before : free_before; i < recorder->messages.size(); ++i) {
+    for (std::size_t i = recorder == &occupied ? occupied_before : free_before; i < recorder->messages.size();
+         ++i) {
       for (const auto& marker : recorder->messages[i].markers) {
         EXPECT_EQ(visualization_msgs::Marker::ADD, marker.action);
         for (const auto& p : marker.points) ASSERT_GT(p.x, 32.0);
@@ -167,7 +172,8 @@ TEST_F(MapPublisher, AnotherSubscriberIsNoBotherToTheFirst) {
   buildRoom("here", 0.0, 1);
   Recorder<MarkerArray> first(node_, "occupied_cells_vis_array");
   ASSERT_TRUE(waitFor([&] { return !first.messages.empty(); }));
-  EXPECT_EQ(voxelsIn(boxes(true)), voxelsIn(boxesSeenByAnotherProcess(node_.resolveName("occupied_cells_vis_array"))));
+  EXPECT_EQ(voxelsIn(boxes(true)),
+            voxelsIn(boxesSeenByAnotherProcess(node_.resolveName("occupied_cells_vis_array"))));
   EXPECT_EQ(1u, first.messages.size());
 }
 
@@ -206,7 +212,8 @@ TEST_F(MapPublisher, ProjectionGrowsAndIsPatched) {
   for (const auto& update : updates.messages) {
     ASSERT_EQ(std::size_t{update.width} * update.height, update.data.size());
     for (std::size_t i = 0; i < update.data.size(); ++i) {
-      grid.data.at((update.y + i / update.width) * grid.info.width + update.x + i % update.width) = update.data[i];
+      grid.data.at((update.y + i / update.width) * grid.info.width + update.x + i % update.width) =
+          update.data[i];
     }
   }
   EXPECT_EQ(projection(reference_), knownPixels(grid));
@@ -218,7 +225,8 @@ TEST_F(MapPublisher, ResetTakesEverythingOffTheDisplay) {
   Recorder<MarkerArray> occupied(node_, "occupied_cells_vis_array");
   Recorder<sensor_msgs::PointCloud2> cells(node_, "occupied_cells_centers");
   Recorder<nav_msgs::OccupancyGrid> grid(node_, "projected_map");
-  ASSERT_TRUE(waitFor([&] { return !occupied.messages.empty() && !cells.messages.empty() && !grid.messages.empty(); }));
+  ASSERT_TRUE(waitFor(
+      [&] { return !occupied.messages.empty() && !cells.messages.empty() && !grid.messages.empty(); }));
   std_srvs::Empty reset;
   ASSERT_TRUE(ros::service::call(name_ + "/reset", reset));
   EXPECT_TRUE(waitFor([&] { return boxesOf(occupied.messages).empty(); }));
@@ -277,7 +285,7 @@ int main(int argc, char** argv) {
     return rtree_occupancy_map::printBoxes(argv[2]);
   }
   ::testing::InitGoogleTest(&argc, argv);
-  ros::init(argc, argv, "map_publisher_test");
+  ros::init(argc, argv, "test_map_publisher");
   ros::NodeHandle keep_alive;
   return RUN_ALL_TESTS();
 }

@@ -14,7 +14,7 @@
 #include <fstream>
 #include <limits>
 
-#include "nodelet_test.h"
+#include "nodelet_fixture.h"
 
 namespace rtree_occupancy_map {
 namespace {
@@ -22,13 +22,15 @@ namespace {
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 constexpr float kInf = std::numeric_limits<float>::infinity();
 
-sensor_msgs::PointCloud2 room(unsigned seed) { return makeCloud(roomPoints({4, 3, 1.5}, 1000, seed)); }
+sensor_msgs::PointCloud2 room(unsigned seed) {
+  return makeCloud(roomPoints({4, 3, 1.5}, 1000, seed));
+}
 
 // A directory that goes with all that is in it.
 class TemporaryDirectory {
  public:
   TemporaryDirectory() {
-    char name[] = "/tmp/mapping_nodelet_test_XXXXXX";
+    char name[] = "/tmp/test_mapping_nodelet_XXXXXX";
     path_ = mkdtemp(name);
   }
   ~TemporaryDirectory() { EXPECT_EQ(0, std::system(("rm -r " + path_).c_str())); }
@@ -78,7 +80,8 @@ class MappingNodelet : public NodeletTest {
   }
 };
 
-// ------------------------------------------------------------------------------------------------------- input
+// -------------------------------------------------------------------------------------------------------
+// input
 
 TEST_F(MappingNodelet, BuildsTheMapThatTheCoreBuilds) {
   ASSERT_TRUE(load());
@@ -124,7 +127,11 @@ TEST_F(MappingNodelet, DropsEmptyAndMalformedMessagesAndGoesOn) {
   EXPECT_EQ(voxelsOf(reference_), voxels());
 
   constexpr std::uint8_t kFloat = sensor_msgs::PointField::FLOAT32;
-  publish(makeCloud({{"ring", sensor_msgs::PointField::UINT16}, {"x", kFloat}, {"y", kFloat}, {"z", kFloat}, {"t", kFloat}},
+  publish(makeCloud({{"ring", sensor_msgs::PointField::UINT16},
+                     {"x", kFloat},
+                     {"y", kFloat},
+                     {"z", kFloat},
+                     {"t", kFloat}},
                     {{1, 2, 3, 1, 0.1}}),
           "sensor", poseOf(0, 0, 0));
   EXPECT_TRUE(waitForMap(reference_));
@@ -208,7 +215,8 @@ TEST_F(MappingNodelet, ScanWithoutReturnClearsOnlyIfAskedTo) {
   EXPECT_TRUE(voxels().empty());
 }
 
-// ---------------------------------------------------------------------------------------------------- services
+// ----------------------------------------------------------------------------------------------------
+// services
 
 TEST_F(MappingNodelet, SavesAndLoads) {
   ASSERT_TRUE(load());
@@ -225,7 +233,8 @@ TEST_F(MappingNodelet, SavesAndLoads) {
 
   // What fails leaves the map as it is.
   std::ofstream(directory / "foreign") << "no map";
-  for (const std::string& path : {directory / "foreign", directory / "missing", std::string("relative"), std::string()}) {
+  for (const std::string& path :
+       {directory / "foreign", directory / "missing", std::string("relative"), std::string()}) {
     EXPECT_FALSE(callWithPath<mapping_msgs::LoadMap>("load_map", path).success) << path;
     EXPECT_EQ(voxelsOf(reference_), voxels());
   }
@@ -273,7 +282,9 @@ TEST_F(MappingNodelet, ListsCellsInABox) {
   ASSERT_TRUE(load());
   sendStaticPose("sensor", poseOf(0.1, 0.1, 0.1));
   constexpr std::uint8_t kFloat = sensor_msgs::PointField::FLOAT32;
-  send(makeCloud({{"x", kFloat}, {"y", kFloat}, {"z", kFloat}, {"intensity", kFloat}}, {{3, 0, 0, 40}, {3, 0, 0, 60}}), "sensor");
+  send(makeCloud({{"x", kFloat}, {"y", kFloat}, {"z", kFloat}, {"intensity", kFloat}},
+                 {{3, 0, 0, 40}, {3, 0, 0, 60}}),
+       "sensor");
   ASSERT_TRUE(waitFor([this] { return !voxels().empty(); }));
   const auto occupied = cellsInBox(10.0, true).cells, all = cellsInBox(10.0, false).cells;
   ASSERT_EQ(1u, occupied.size());
@@ -294,7 +305,8 @@ TEST_F(MappingNodelet, CastsRays) {
   ASSERT_TRUE(load());
   buildMap();
   for (const bool ignore_unknown : {true, false}) {
-    for (const Eigen::Vector3d& direction : {Eigen::Vector3d(1, 0.2, 0), Eigen::Vector3d(-1, 2, 0.1), Eigen::Vector3d(0, 0, 1)}) {
+    for (const Eigen::Vector3d& direction :
+         {Eigen::Vector3d(1, 0.2, 0), Eigen::Vector3d(-1, 2, 0.1), Eigen::Vector3d(0, 0, 1)}) {
       for (const double range : {0.5, 30.0}) {
         CastRay ray;
         ray.request.origin = toPoint({0.1, 0.1, 0.1});
@@ -321,7 +333,8 @@ TEST_F(MappingNodelet, CastsRays) {
   EXPECT_FALSE(ros::service::call(name_ + "/cast_ray", nowhere));
 }
 
-// -------------------------------------------------------------------------------------------------- parameters
+// --------------------------------------------------------------------------------------------------
+// parameters
 
 TEST_F(MappingNodelet, DoesNotStartWithAWrongValue) {
   setParam("sensor_model/hit", 1.5);
@@ -378,7 +391,7 @@ TEST_F(MappingNodelet, RangeCanBeReconfigured) {
 
 int main(int argc, char** argv) {
   ::testing::InitGoogleTest(&argc, argv);
-  ros::init(argc, argv, "mapping_nodelet_test");
+  ros::init(argc, argv, "test_mapping_nodelet");
   ros::NodeHandle keep_alive;
   return RUN_ALL_TESTS();
 }

@@ -55,7 +55,8 @@ void expectRejected(const std::string& yaml, const std::vector<std::string>& tex
     read(yaml);
     ADD_FAILURE() << "accepted: " << yaml;
   } catch (const std::invalid_argument& e) {
-    for (const std::string& text : texts) EXPECT_NE(std::string::npos, std::string(e.what()).find(text)) << e.what();
+    for (const std::string& text : texts)
+      EXPECT_NE(std::string::npos, std::string(e.what()).find(text)) << e.what();
   }
 }
 
@@ -135,7 +136,8 @@ TEST(Parameters, RejectionNamesParameterValueAndWhatIsAllowed) {
   expectRejected("sensor_model: {type: laser}", {"~sensor_model/type", "laser", "beam | endpoint"});
   expectRejected("sensor_model: {min_range: -1}", {"~sensor_model/min_range", "-1"});
   expectRejected("sensor_model: {max_range: -2}", {"~sensor_model/max_range", "-2"});
-  expectRejected("sensor_model: {min_range: 5, max_range: 4}", {"~sensor_model/max_range", "4", "more than min_range"});
+  expectRejected("sensor_model: {min_range: 5, max_range: 4}",
+                 {"~sensor_model/max_range", "4", "more than min_range"});
   expectRejected("fusion: {rule: some}", {"~fusion/rule", "some", "thesis | equal"});
   expectRejected("fusion: {strategy: some}", {"~fusion/strategy", "some", "block | expansion | none"});
   expectRejected("fusion: {search_order: xx}", {"~fusion/search_order", "xx", "permutation"});
@@ -154,7 +156,8 @@ TEST(Parameters, RejectionNamesParameterValueAndWhatIsAllowed) {
   expectRejected("full_map_period: -1", {"~full_map_period", "-1", "0 to"});
   expectRejected("color_mode: pink", {"color_mode", "pink", "height | occupancy | reflectivity"});
   expectRejected("{color_min: 3, color_max: 3}", {"color_max", "3", "more than color_min"});
-  expectRejected("{occupancy_min_z: 3, occupancy_max_z: 2}", {"occupancy_max_z", "2", "more than occupancy_min_z"});
+  expectRejected("{occupancy_min_z: 3, occupancy_max_z: 2}",
+                 {"occupancy_max_z", "2", "more than occupancy_min_z"});
   expectRejected("frame_id: ''", {"~frame_id", "''"});
   expectRejected("frame_id: 7", {"~frame_id", "7", "a string"});
 }
@@ -173,15 +176,16 @@ TEST(Parameters, TheShippedFileHoldsThemAllWithTheirDefaults) {
   EXPECT_EQ(shipped.names(), leafs(file));
   const auto tuple = [](const MappingParameters& m) {
     const Options& o = m.map;
-    return std::make_tuple(o.resolution, o.prob_hit, o.prob_miss, o.clamping_min, o.clamping_max, o.prior,
-                           o.occupancy_threshold, o.min_range, o.max_range, o.sensor_model, o.fusion_rule,
-                           o.fusion_strategy, o.search_order, o.samples_per_metre, o.seed, o.dynamic, o.reflectivity,
-                           std::make_tuple(o.tree.min_entries, o.tree.max_entries, o.tree.split, m.scan.min_z,
-                                           m.scan.max_z, m.scan.no_return_clears, m.map_file, m.save_on_shutdown,
-                                           m.queue_size, m.transform_tolerance, m.publish_rate, m.color_mode,
-                                           m.display.frame_id, m.display.color.min, m.display.color.max,
-                                           m.display.occupancy_min_z, m.display.occupancy_max_z,
-                                           m.display.full_map_period, m.display.publish_free_space, m.display.latch));
+    return std::make_tuple(
+        o.resolution, o.prob_hit, o.prob_miss, o.clamping_min, o.clamping_max, o.prior, o.occupancy_threshold,
+        o.min_range, o.max_range, o.sensor_model, o.fusion_rule, o.fusion_strategy, o.search_order,
+        o.samples_per_metre, o.seed, o.dynamic, o.reflectivity,
+        std::make_tuple(o.tree.min_entries, o.tree.max_entries, o.tree.split, m.scan.min_z, m.scan.max_z,
+                        m.scan.no_return_clears, m.map_file, m.save_on_shutdown, m.queue_size,
+                        m.transform_tolerance, m.publish_rate, m.color_mode, m.display.frame_id,
+                        m.display.color.min, m.display.color.max, m.display.occupancy_min_z,
+                        m.display.occupancy_max_z, m.display.full_map_period, m.display.publish_free_space,
+                        m.display.latch));
   };
   EXPECT_EQ(tuple(q), tuple(p));
 }

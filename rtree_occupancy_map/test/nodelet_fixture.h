@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
-// A mapping nodelet in the manager /manager, a namespace for each test, and what it takes to feed and to watch it.
+// A mapping nodelet in the manager /manager, a namespace for each test, and what it takes to feed and to
+// watch it.
 #pragma once
 
 #include <diagnostic_msgs/DiagnosticArray.h>
@@ -68,9 +69,9 @@ template <class Message>
 class Recorder {
  public:
   Recorder(ros::NodeHandle& node, const std::string& topic)
-      : subscriber_(node.subscribe<Message>(topic, 100, [this](const boost::shared_ptr<const Message>& message) {
-          messages.push_back(*message);
-        })) {}
+      : subscriber_(node.subscribe<Message>(
+            topic, 100,
+            [this](const boost::shared_ptr<const Message>& message) { messages.push_back(*message); })) {}
   bool waitForOne() {
     const std::size_t before = messages.size();
     return waitFor([&] { return messages.size() > before; });
@@ -109,7 +110,9 @@ class NodeletTest : public ::testing::Test {
     clouds_ = node_.advertise<sensor_msgs::PointCloud2>("cloud_in", 100);
     scans_ = node_.advertise<sensor_msgs::LaserScan>("scan", 100);
     tf_ = node_.advertise<tf2_msgs::TFMessage>("/tf", 100);
-    return waitFor([this] { return clouds_.getNumSubscribers() > 0 && scans_.getNumSubscribers() > 0 && tf_.getNumSubscribers() > 0; });
+    return waitFor([this] {
+      return clouds_.getNumSubscribers() > 0 && scans_.getNumSubscribers() > 0 && tf_.getNumSubscribers() > 0;
+    });
   }
 
   void unload() {
@@ -131,6 +134,7 @@ class NodeletTest : public ::testing::Test {
   }
   void sendStaticPose(const std::string& sensor, const Eigen::Isometry3d& pose) {
     broadcaster_.sendTransform(transformOf(sensor, pose, ros::Time(0)));
+    spinFor(0.1);  // tf2_ros::MessageFilter may overlook a transform that comes together with the message
   }
   void sendPose(const std::string& sensor, const Eigen::Isometry3d& pose, const ros::Time& stamp) {
     tf2_msgs::TFMessage message;
@@ -145,12 +149,14 @@ class NodeletTest : public ::testing::Test {
     send(message, sensor, stamp);
     reference_.insertScan(toScan(message, tf2::transformToEigen(transformOf(sensor, pose, stamp)), {}).scan);
   }
-  void send(sensor_msgs::PointCloud2 message, const std::string& sensor, const ros::Time& stamp = ros::Time::now()) {
+  void send(sensor_msgs::PointCloud2 message, const std::string& sensor,
+            const ros::Time& stamp = ros::Time::now()) {
     message.header.frame_id = frame(sensor);
     message.header.stamp = stamp;
     clouds_.publish(message);
   }
-  void send(sensor_msgs::LaserScan message, const std::string& sensor, const ros::Time& stamp = ros::Time::now()) {
+  void send(sensor_msgs::LaserScan message, const std::string& sensor,
+            const ros::Time& stamp = ros::Time::now()) {
     message.header.frame_id = frame(sensor);
     message.header.stamp = stamp;
     scans_.publish(message);

@@ -3,7 +3,7 @@
 // A recording that is replayed twice, under simulated time.
 #include <rosgraph_msgs/Clock.h>
 
-#include "nodelet_test.h"
+#include "nodelet_fixture.h"
 
 namespace rtree_occupancy_map {
 namespace {
@@ -37,8 +37,8 @@ TEST_F(SimTime, MapGoesOnWhenARecordingLoops) {
   const std::size_t shown = markers.messages.size();
   EXPECT_GT(shown, 1u);
 
-  // What came before the jump was noticed is still there, and so are the later scans but for the very first, whose
-  // transform may be forgotten with those from before the jump.
+  // What came before the jump was noticed is still there, and so are the later scans but for the very first,
+  // whose transform may be forgotten with those from before the jump.
   replay(100);
   EXPECT_TRUE(waitFor([&] { return markers.messages.size() > shown; }));
   EXPECT_TRUE(waitFor([&] { return std::stoi("0" + diagnostic("Input", "Inserted")) >= 39; }));
@@ -50,7 +50,7 @@ TEST_F(SimTime, MapGoesOnWhenARecordingLoops) {
 
 int main(int argc, char** argv) {
   ::testing::InitGoogleTest(&argc, argv);
-  ros::init(argc, argv, "sim_time_test");
+  ros::init(argc, argv, "test_sim_time");
   ros::NodeHandle keep_alive;
   return RUN_ALL_TESTS();
 }

@@ -39,9 +39,10 @@ TEST(CloudConversion, TransformsPointsToTheMap) {
 }
 
 TEST(CloudConversion, ReadsDoublesInAnyOrderAmongUnknownFields) {
-  const auto c = toScan(makeCloud({{"ring", PointField::UINT16}, {"z", F64}, {"t", F64}, {"y", F32}, {"x", F64}},
-                                  {{7, 3, 0.5, 2, 1}, {8, 6, 0.6, 5, 4}}),
-                        Eigen::Isometry3d::Identity(), {});
+  const auto c =
+      toScan(makeCloud({{"ring", PointField::UINT16}, {"z", F64}, {"t", F64}, {"y", F32}, {"x", F64}},
+                       {{7, 3, 0.5, 2, 1}, {8, 6, 0.6, 5, 4}}),
+             Eigen::Isometry3d::Identity(), {});
   ASSERT_EQ(2u, c.scan.hits.size());
   expectNear(c.scan.hits[0], 1, 2, 3);
   expectNear(c.scan.hits[1], 4, 5, 6);
@@ -49,17 +50,19 @@ TEST(CloudConversion, ReadsDoublesInAnyOrderAmongUnknownFields) {
 
 TEST(CloudConversion, ReadsReflectivityOfAnyNumericType) {
   for (std::uint8_t type = PointField::INT8; type <= PointField::FLOAT64; ++type) {
-    const auto c = toScan(makeCloud({{"x", F32}, {"y", F32}, {"z", F32}, {"intensity", type}}, {{1, 2, 3, 100}}),
-                          Eigen::Isometry3d::Identity(), {});
+    const auto c =
+        toScan(makeCloud({{"x", F32}, {"y", F32}, {"z", F32}, {"intensity", type}}, {{1, 2, 3, 100}}),
+               Eigen::Isometry3d::Identity(), {});
     ASSERT_EQ(1u, c.scan.reflectivity.size()) << int(type);
     EXPECT_EQ(100.0F, c.scan.reflectivity[0]) << int(type);
   }
 }
 
 TEST(CloudConversion, PrefersReflectivityToIntensity) {
-  const auto c = toScan(
-      makeCloud({{"x", F32}, {"y", F32}, {"z", F32}, {"intensity", F32}, {"reflectivity", F32}}, {{1, 2, 3, 100, 0.5}}),
-      Eigen::Isometry3d::Identity(), {});
+  const auto c =
+      toScan(makeCloud({{"x", F32}, {"y", F32}, {"z", F32}, {"intensity", F32}, {"reflectivity", F32}},
+                       {{1, 2, 3, 100, 0.5}}),
+             Eigen::Isometry3d::Identity(), {});
   EXPECT_EQ(std::vector<float>{0.5F}, c.scan.reflectivity);
 }
 
@@ -74,7 +77,8 @@ TEST(CloudConversion, ReadsOrganisedCloudsWithPaddedRows) {
 }
 
 TEST(CloudConversion, KeepsNonFinitePointsForTheMapToCount) {
-  const auto c = toScan(makeCloud({{kNan, 0, 0}, {1, kInf, 0}, {1, 2, kNan}, {1, 2, 3}}), pose(0, 0, 0, 1), {-5, 5, true});
+  const auto c = toScan(makeCloud({{kNan, 0, 0}, {1, kInf, 0}, {1, 2, kNan}, {1, 2, 3}}), pose(0, 0, 0, 1),
+                        {-5, 5, true});
   EXPECT_EQ(4u, c.scan.hits.size());
   EXPECT_EQ(0u, c.outside_z);
 }
@@ -108,8 +112,11 @@ TEST(CloudConversion, RejectsWhatIsMalformed) {
   rejected([](Cloud& c) { c.fields[1].datatype = PointField::INT32; }, "no field y");
   rejected([](Cloud& c) { c.fields[2].offset = 9; }, "field z ends beyond");
   rejected([](Cloud& c) { c.fields[2].offset = 0xffffffff; }, "field z ends beyond");
-  rejected([](Cloud& c) { c.fields.push_back(c.fields[0]), c.fields[3].name = "intensity", c.fields[3].datatype = 9; },
-           "field intensity of unknown type 9");
+  rejected(
+      [](Cloud& c) {
+        c.fields.push_back(c.fields[0]), c.fields[3].name = "intensity", c.fields[3].datatype = 9;
+      },
+      "field intensity of unknown type 9");
   rejected([](Cloud& c) { c.data.pop_back(); }, "23 bytes");
   rejected([](Cloud& c) { c.width = 0xffffffff; }, "too few");
   rejected([](Cloud& c) { c.width = 1, c.height = 0xffffffff, c.row_step = 0xffffffff; }, "too few");

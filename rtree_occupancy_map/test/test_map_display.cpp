@@ -28,7 +28,8 @@ template <class Step>
 void drive(OccupancyMap& map, Step step) {
   for (unsigned i = 0; i < 12; ++i) {
     const float x = 0.7F * static_cast<float>(i) - 5.0F;
-    step(map.insertScan(roomScan({x, 0.1F, 0.3F}, {3.0F + static_cast<float>(i % 3), 2.0F, 1.5F}, i)).changed_blocks);
+    step(map.insertScan(roomScan({x, 0.1F, 0.3F}, {3.0F + static_cast<float>(i % 3), 2.0F, 1.5F}, i))
+             .changed_blocks);
   }
   step(map.clearBox({-2, -3, -2}, {1, 3, 2}));
   step(map.insertScan(roomScan({20, 20, 0}, {2, 2, 2}, 99)).changed_blocks);
@@ -144,13 +145,15 @@ TEST(MarkerCache, Colours) {
   EXPECT_GT(low.b, low.r);
   const auto high = colorOfOneCell({ColorMode::kHeight, -1.0, 1.0}, 0.5F);
   EXPECT_GT(high.r, high.b);
-  const auto likely = colorOfOneCell({ColorMode::kOccupancy, 5.0, 6.0}, 0.5F);  // 0.7, whatever the scale says
+  const auto likely =
+      colorOfOneCell({ColorMode::kOccupancy, 5.0, 6.0}, 0.5F);  // 0.7, whatever the scale says
   EXPECT_GT(likely.r, likely.b);
   const auto grey = colorOfOneCell({ColorMode::kReflectivity, 0.0, 2.0}, 0.5F);
   EXPECT_FLOAT_EQ(0.25F, grey.r);
   EXPECT_FLOAT_EQ(0.25F, grey.g);
   EXPECT_FLOAT_EQ(0.25F, grey.b);
-  const auto none = colorOfOneCell({ColorMode::kReflectivity, 0.0, 2.0}, std::numeric_limits<float>::quiet_NaN());
+  const auto none =
+      colorOfOneCell({ColorMode::kReflectivity, 0.0, 2.0}, std::numeric_limits<float>::quiet_NaN());
   EXPECT_NE(none.r, none.b);
 }
 
@@ -179,7 +182,8 @@ std::map<std::array<int, 2>, int> knownPixels(const nav_msgs::OccupancyGrid& gri
   EXPECT_EQ(std::size_t{grid.info.width} * grid.info.height, grid.data.size());
   for (std::size_t i = 0; i < grid.data.size(); ++i) {
     if (grid.data[i] == -1) continue;
-    pixels[{x0 + static_cast<int>(i % grid.info.width), y0 + static_cast<int>(i / grid.info.width)}] = grid.data[i];
+    pixels[{x0 + static_cast<int>(i % grid.info.width), y0 + static_cast<int>(i / grid.info.width)}] =
+        grid.data[i];
   }
   return pixels;
 }
@@ -196,7 +200,7 @@ void applyPatch(const map_msgs::OccupancyGridUpdate& patch, nav_msgs::OccupancyG
 class ProjectedMapTest : public ::testing::TestWithParam<std::pair<double, double>> {};
 
 TEST_P(ProjectedMapTest, PatchesAddUpToTheProjectionOfEveryVoxel) {
-  const auto [min_z, max_z] = GetParam();
+  const double min_z = GetParam().first, max_z = GetParam().second;
   OccupancyMap map;
   ProjectedMap projected;
   projected.rebuild(map, min_z, max_z, {});
