@@ -1,49 +1,15 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <cmath>
-#include <limits>
 #include <stdexcept>
 
 #include "rtree_occupancy_map/occupancy_map.h"
+#include "rtree_occupancy_map/ray.h"
 
 namespace rtree_occupancy_map {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 // In voxels: neighbouring cells share their border, so whatever is between them is rounding.
 constexpr double kGap = 1e-6;
-
-struct Interval {
-  double enter, exit;
-  bool empty() const { return !(enter < exit); }
-};
-
-// Slab method. In voxel units; the direction has unit length, so distances along the ray are in voxels as
-// well.
-class Ray {
- public:
-  Ray(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction, double length)
-      : origin_(origin), direction_(direction), length_(length) {}
-
-  Interval inside(const VoxelBox& box) const {
-    Interval t{0.0, length_};
-    for (int i = 0; i < 3; ++i) {
-      if (direction_[i] == 0.0) {
-        if (origin_[i] < box.min[i] || origin_[i] >= box.max[i]) return {1.0, 0.0};
-        continue;
-      }
-      const double a = (box.min[i] - origin_[i]) / direction_[i],
-                   b = (box.max[i] - origin_[i]) / direction_[i];
-      t.enter = std::max(t.enter, std::min(a, b));
-      t.exit = std::min(t.exit, std::max(a, b));
-    }
-    return t;
-  }
-  Eigen::Vector3d at(double t) const { return origin_ + t * direction_; }
-
- private:
-  Eigen::Vector3d origin_, direction_;
-  double length_;
-};
 
 }  // namespace
 
@@ -62,11 +28,7 @@ RayHit OccupancyMap::castRay(const Eigen::Vector3d& origin, const Eigen::Vector3
   RayHit hit;
   double known = 0.0;  // up to here the ray ran through known space
   double end = length;
-  const auto enter = [&ray](const VoxelBox& box) {
-    const Interval t = ray.inside(box);
-    return t.empty() ? kInfinity : t.enter;
-  };
-  tree_.visitByDistance(ignore_unknown, enter, [&](const Cell& cell, double distance) {
+  tree_.visitAlong(ray, ignore_unknown, [&](const Cell& cell, double distance) {
     if (!ignore_unknown && distance > known + kGap) return false;
     if (isOccupied(cell)) {
       hit.result = RayHit::Result::kOccupied;

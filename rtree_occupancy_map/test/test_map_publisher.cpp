@@ -177,6 +177,17 @@ TEST_F(MapPublisher, AnotherSubscriberIsNoBotherToTheFirst) {
   EXPECT_EQ(1u, first.messages.size());
 }
 
+TEST_F(MapPublisher, AnotherSubscriberSwallowsNothingOfWhatTheFirstIsYetToSee) {
+  setParam("publish_rate", 0.2);
+  ASSERT_TRUE(load());
+  Recorder<MarkerArray> first(node_, "occupied_cells_vis_array");
+  ASSERT_TRUE(waitFor([&] { return !first.messages.empty(); }));
+  buildRoom("here", 0.0, 1);  // within the 5 s between two publications, most likely
+  const auto seen = boxesSeenByAnotherProcess(node_.resolveName("occupied_cells_vis_array"));
+  EXPECT_EQ(voxelsIn(boxes(true)), voxelsIn(seen));
+  EXPECT_TRUE(waitFor([&] { return voxelsIn(boxesOf(first.messages)) == voxelsIn(boxes(true)); }));
+}
+
 TEST_F(MapPublisher, CellsAreSentAsAWholeNowAndThen) {
   setParam("full_map_period", 0.5);
   ASSERT_TRUE(load());

@@ -172,6 +172,45 @@ TEST_P(RTreeTest, VisitsByDistance) {
   }
 }
 
+// A cell is on the ray if and only if one of many points along the ray, sampled finely, is inside of it;
+// cells that the ray just grazes are left to rounding.
+TEST_P(RTreeTest, VisitsAlongARay) {
+  insertRandom(500);
+  for (int k = 0; k < 6; ++k) {
+    const Eigen::Vector3d origin(uniform(-60, 60) + 0.3, uniform(-60, 60) + 0.4, uniform(-60, 60) + 0.6);
+    const Eigen::Vector3d direction =
+        Eigen::Vector3d(uniform(-9, 9), uniform(-9, 9), k == 0 ? 0 : 5).normalized();
+    const double length = uniform(5, 60);
+    const auto share = [&](const Cell& c) {
+      int inside = 0;
+      for (double t = 0.0; t < length; t += 0.02) {
+        const Eigen::Vector3d p = origin + t * direction;
+        inside +=
+            c.box.contains(Voxel{static_cast<int>(std::floor(p.x())), static_cast<int>(std::floor(p.y())),
+                                 static_cast<int>(std::floor(p.z()))});
+      }
+      return inside;
+    };
+    std::vector<Cell> found;
+    double last = 0.0;
+    tree_.visitAlong(Ray(origin, direction, length), false, [&](const Cell& c, double distance) {
+      EXPECT_GE(distance, last);
+      last = distance;
+      found.push_back(c);
+      return true;
+    });
+    const auto isIn = [](const std::vector<Cell>& cells, const Cell& c) {
+      return std::find(cells.begin(), cells.end(), c) != cells.end();
+    };
+    for (const Cell& c : list_) {
+      const int inside = share(c);
+      EXPECT_TRUE(inside < 3 || isIn(found, c));
+      const Ray::Interval t = Ray(origin, direction, length).inside(c.box);
+      EXPECT_TRUE(inside > 0 || !isIn(found, c) || t.exit - t.enter < 0.1);
+    }
+  }
+}
+
 // Regions of an 8^3 lattice are filled, thinned out and emptied, with a few large cells across their borders.
 TEST_P(RTreeTest, ReplacesRegions) {
   insertRandom(30);

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "rtree_occupancy_map/cell.h"
+#include "rtree_occupancy_map/ray.h"
 
 namespace rtree_occupancy_map {
 
@@ -113,6 +114,10 @@ class RTree {
   /// part of it; infinity leaves a subtree out. `visit(cell, distance)` returns false to stop.
   template <class Distance, class Visit>
   void visitByDistance(bool occupied_only, Distance&& distance, Visit&& visit) const;
+
+  /// Cells that the ray runs through, by the distance (voxels) at which it enters them; `visit` as above.
+  template <class Visit>
+  void visitAlong(const Ray& ray, bool occupied_only, Visit&& visit) const;
 
   /// The cells of one leaf.
   class Leaf {
@@ -247,4 +252,4 @@ class RTree {
 
 }  // namespace rtree_occupancy_map
 
-#include "rtree_occupancy_map/rtree_best_first.h"  // visitByDistance
+#include "rtree_occupancy_map/rtree_best_first.h"  // visitByDistance, visitAlong

@@ -3,6 +3,7 @@
 // Part of rtree.h: best-first traversal (Hjaltason and Samet 1999), for k nearest neighbours and rays.
 #pragma once
 
+#include <limits>
 #include <queue>
 
 namespace rtree_occupancy_map {
@@ -34,6 +35,15 @@ void RTree::visitByDistance(bool occupied_only, Distance&& distance, Visit&& vis
       queue.push({d, leaf ? item.id : p.child & ~kOccupiedBit, leaf ? i : -1});
     }
   }
+}
+
+template <class Visit>
+void RTree::visitAlong(const Ray& ray, bool occupied_only, Visit&& visit) const {
+  const auto enter = [&ray](const VoxelBox& box) {
+    const Ray::Interval t = ray.inside(box);
+    return t.empty() ? std::numeric_limits<double>::infinity() : t.enter;
+  };
+  visitByDistance(occupied_only, enter, visit);
 }
 
 }  // namespace rtree_occupancy_map
