@@ -23,7 +23,6 @@ void forEachBit(std::uint32_t word, Function&& f) {
 
 BlockGrid::BlockGrid(const Options& options) : options_(options), model_(options) {
   for (int i = 0; i < 3; ++i) axes_[i] = options.search_order[i] - 'x';
-  frozen_.fill(0);
   textured_.fill(0);
   if (options.reflectivity) reflectivity_.resize(value_.size());
 }
@@ -33,7 +32,6 @@ void BlockGrid::start(const Block& block) {
   low_.fill(0);
   high_.fill(0);
   between_.fill(0);
-  if (!options_.dynamic) frozen_.fill(0);
   if (options_.reflectivity) textured_.fill(0);
   pieces_.clear();
 }
@@ -57,7 +55,6 @@ void BlockGrid::add(const VoxelBox& cell_box, float log_odds, const Reflectivity
     return;
   }
   const std::uint32_t mask = bits(b.min[2], b.max[2]);
-  const bool freeze = !options_.dynamic && c != Class::kBetween && cell_box.volume() > 1;
   for (int y = b.min[1]; y < b.max[1]; ++y) {
     for (int x = b.min[0]; x < b.max[0]; ++x) {
       const int row = y * kSize + x;
@@ -65,7 +62,6 @@ void BlockGrid::add(const VoxelBox& cell_box, float log_odds, const Reflectivity
       if (c == Class::kBetween) {
         for (int z = b.min[2]; z < b.max[2]; ++z) value_[row * kSize + z] = log_odds;
       }
-      if (freeze) frozen_[row] |= mask;
       if (!textured) continue;
       textured_[row] |= mask;
       std::fill(&reflectivity_[row * kSize + b.min[2]], &reflectivity_[row * kSize] + b.max[2], reflectivity);
@@ -106,8 +102,10 @@ bool BlockGrid::update(const ScanRaster::Mask& mask) {
   for (int y = 0; y < kSize; ++y) {
     for (int x = 0; x < kSize; ++x) {
       const int row = y * kSize + x;
-      const std::uint32_t hit = mask.hit(x, y) & ~high_[row] & ~frozen_[row];
-      const std::uint32_t miss = mask.crossed(x, y) & ~mask.hit(x, y) & ~low_[row] & ~frozen_[row];
+      // At a threshold an update changes nothing or, in a static map, isn't made.
+      const std::uint32_t settled = options_.dynamic ? 0 : low_[row] | high_[row];
+      const std::uint32_t hit = mask.hit(x, y) & ~high_[row] & ~settled;
+      const std::uint32_t miss = mask.crossed(x, y) & ~mask.hit(x, y) & ~low_[row] & ~settled;
       if ((hit | miss) == 0) continue;
       changed = true;
       const std::uint32_t high = high_[row], low = low_[row], between = between_[row];
@@ -131,7 +129,7 @@ void BlockGrid::addReflectivity(int index, float value) {
   Reflectivity& r = reflectivity_[index];
   if ((row & bit) == 0) r = {0.0F, 0};
   row |= bit;
-  ++r.hits;
+  if (r.hits < std::numeric_limits<std::uint32_t>::max()) ++r.hits;
   r.mean += (value - r.mean) / static_cast<float>(r.hits);
 }
 
@@ -153,9 +151,9 @@ bool BlockGrid::setFree(const VoxelBox& box) {
   return changed;
 }
 
-// -------------------------------------------------------------------------------------------------------
-// fusion
+// ---- fusion -------------------------------------------------------------------------------------
 
+// Eq. 2.10 and 2.11, or the equal value rule.
 bool BlockGrid::fusible(Class c) const {
   if (options_.fusion_strategy == FusionStrategy::kNone) return false;
   if (options_.fusion_rule == FusionRule::kEqualValue) return true;
@@ -328,8 +326,7 @@ void BlockGrid::order(std::vector<Cell>& cells) {
   for (std::size_t i = 0; i < out_.size(); ++i) cells[begin[ranks_[i]]++] = out_[i];
 }
 
-// ------------------------------------------------------------------------------ expansion and fusion of
-// Fig. 2.7
+// ---- expansion and fusion of Fig. 2.7 ------------------------------------------------------------
 
 // Starts from the cells that the block came with. Where observations contradicted one it is split: what still
 // agrees stays in cuboids as large as possible. Voxels that are new become cells of their own.
@@ -353,7 +350,7 @@ void BlockGrid::expand(const std::vector<int>& selected) {
   for (std::size_t i = 0; i < pieces_.size(); ++i) own(static_cast<int>(i), pieces_[i].box);
   for (const int voxel : selected) {
     if (owner_[voxel] == kNobody) continue;
-    while (expandOnce(owner_[voxel])) {
+    while (expandOnce(owner_[voxel])) {  // line 13 of Fig. 2.7
     }
   }
   const auto fused = [](const Piece& p) { return p.box.max[0] == p.box.min[0]; };

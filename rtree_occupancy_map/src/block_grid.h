@@ -83,7 +83,6 @@ class BlockGrid {
   std::array<int, 3> base_{};                       // voxel coordinates of the block's min corner
   Rows low_, high_, between_;                       // known voxels, by class
   std::array<float, kSize * kSize * kSize> value_;  // log odds, of voxels between the thresholds
-  Rows frozen_;                                     // not to be updated: static mode
   Rows textured_;                                   // voxels with a reflectivity
   std::vector<Reflectivity> reflectivity_;
   std::array<Rows, 3> linked_;        // voxels of equal log odds as their next one along each axis

@@ -148,6 +148,9 @@ Cell readCell(Reader& read, const Options& options) {
       throw std::runtime_error("it holds a cell that isn't a cuboid within a block");
     }
   }
+  if (cell.reflectivity.hits > 0 && !std::isfinite(cell.reflectivity.mean)) {
+    throw std::runtime_error("it holds a reflectivity that isn't finite");
+  }
   const LogOddsModel model(options);
   if (!(cell.log_odds >= model.min && cell.log_odds <= model.max)) {
     throw std::runtime_error("it holds log odds beyond the clamping thresholds");

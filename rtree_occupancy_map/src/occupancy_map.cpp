@@ -16,6 +16,9 @@ namespace {
 // A block with fewer voxels at the lower threshold than this does without an index of them.
 constexpr int kWorthIndexing = 512;
 
+// In voxels: 0.6 m / 0.1 m isn't 6.
+constexpr double kRounding = 1e-6;
+
 Options complete(Options options) {
   options.validate();
   options.tree.occupied_log_odds = logOdds(options.occupancy_threshold);
@@ -45,8 +48,7 @@ void OccupancyMap::clear() {
   settled_free_.clear();
 }
 
-// ----------------------------------------------------------------------------------------------------
-// insertion
+// ---- insertion ----------------------------------------------------------------------------------
 
 // Section 2.5.1: which voxels the scan occupies and which it frees, and for 2.5.2 which cells may expand.
 void OccupancyMap::rasterize(const Scan& scan, InsertReport& report) {
@@ -55,18 +57,31 @@ void OccupancyMap::rasterize(const Scan& scan, InsertReport& report) {
   in.reflectivity.clear();
   in.selected.clear();
   const bool beams = options_.sensor_model == SensorModel::kBeam;
-  const bool select = options_.fusion_strategy == FusionStrategy::kExpansion;
+  const bool expands = options_.fusion_strategy == FusionStrategy::kExpansion;
   const double inverse = 1.0 / options_.resolution;
   const auto max_range = static_cast<float>(options_.max_range);
-  Voxel origin_voxel;
-  toVoxel(scan.origin, inverse, origin_voxel);
-
+  // Cells at random places along a beam, in proportion to its length (2.5.2, "Cell Selection").
+  std::uniform_real_distribution<float> uniform(0.0F, 1.0F);
+  const auto select = [&](const Voxel& v) {
+    in.selected.push_back({in.raster.slotOf(blockOf(v)), BlockGrid::indexOf(v), 0.0F});
+  };
+  const auto addBeam = [&](const Voxel& end_voxel, const Eigen::Vector3f& end) {
+    in.raster.addBeam(end_voxel, end);
+    if (!expands) return;
+    const Eigen::Vector3f beam = end - scan.origin;
+    const int samples = static_cast<int>(beam.norm() * options_.samples_per_metre + uniform(in.random));
+    Voxel voxel;
+    for (int k = 0; k < samples; ++k) {
+      if (toVoxel(scan.origin + uniform(in.random) * beam, inverse, voxel)) select(voxel);
+    }
+  };
+  // A beam that only clears, cut at max_range.
   const auto clear = [&](Eigen::Vector3f end) {
     const Eigen::Vector3f beam = end - scan.origin;
-    if (beam.norm() > max_range) end = scan.origin + beam.normalized() * max_range;
+    if (beam.stableNorm() > max_range) end = scan.origin + beam.stableNormalized() * max_range;
     Voxel voxel;
     if (!toVoxel(end, inverse, voxel)) return false;
-    in.raster.addBeam(voxel, end);
+    if (beams) addBeam(voxel, end);
     return true;
   };
 
@@ -74,7 +89,13 @@ void OccupancyMap::rasterize(const Scan& scan, InsertReport& report) {
     const Eigen::Vector3f& point = scan.hits[i];
     Voxel voxel;
     if (!toVoxel(point, inverse, voxel)) {
-      ++(point.allFinite() ? report.outside : report.non_finite);
+      if (!point.allFinite()) {
+        ++report.non_finite;
+      } else if ((point - scan.origin).stableNorm() > max_range && clear(point)) {
+        ++report.beyond_range;
+      } else {
+        ++report.outside;
+      }
       continue;
     }
     if (options_.min_range > 0.0 && (point - scan.origin).norm() < options_.min_range) {
@@ -85,34 +106,23 @@ void OccupancyMap::rasterize(const Scan& scan, InsertReport& report) {
     for (int k = 0; k < 3; ++k) center[k] = static_cast<float>((voxel[k] + 0.5) * options_.resolution);
     if ((center - scan.origin).norm() > max_range) {
       ++report.beyond_range;
-      if (beams) clear(center);
+      clear(center);
       continue;
     }
     ++report.hits;
-    const bool first = in.raster.markHit(voxel);
-    if (first && beams) in.raster.addBeam(voxel, center);
+    if (in.raster.markHit(voxel)) {
+      if (beams) addBeam(voxel, center);
+      if (expands) select(voxel);
+    }
     if (options_.reflectivity && !scan.reflectivity.empty() && std::isfinite(scan.reflectivity[i])) {
       in.reflectivity.push_back(
           {in.raster.slotOf(blockOf(voxel)), BlockGrid::indexOf(voxel), scan.reflectivity[i]});
-    }
-    if (first && select) {
-      const auto selectVoxel = [&](const Voxel& v) {
-        in.selected.push_back({in.raster.slotOf(blockOf(v)), BlockGrid::indexOf(v), 0.0F});
-      };
-      selectVoxel(voxel);
-      if (!beams) continue;
-      std::uniform_real_distribution<float> uniform(0.0F, 1.0F);
-      const Eigen::Vector3f beam = center - scan.origin;
-      const int samples = static_cast<int>(beam.norm() * options_.samples_per_metre + uniform(in.random));
-      for (int k = 0; k < samples; ++k) {
-        if (toVoxel(scan.origin + uniform(in.random) * beam, inverse, voxel)) selectVoxel(voxel);
-      }
     }
   }
   for (const Eigen::Vector3f& end : scan.misses) {
     if (!end.allFinite()) {
       ++report.non_finite;
-    } else if (beams && !clear(end)) {
+    } else if (!clear(end)) {
       ++report.outside;
     }
   }
@@ -145,14 +155,14 @@ InsertReport OccupancyMap::insertScan(const Scan& scan) {
       in.selected_in_block.push_back(selected->voxel);
 
     const Block& block = in.raster.block(slot);
-    if (in.selected_in_block.empty() && first_reflectivity == reflectivity && changesNothing(block, slot))
-      continue;
+    const bool more = first_reflectivity != reflectivity || !in.selected_in_block.empty();
+    if (!more && changesNothing(block, slot)) continue;
     loadBlock(block);
     const bool changed = in.grid.update(mask);
+    if (!changed && !more) continue;
     for (auto r = first_reflectivity; r != reflectivity; ++r) in.grid.addReflectivity(r->voxel, r->value);
-    if (!changed && first_reflectivity == reflectivity && in.selected_in_block.empty()) continue;
     storeBlock(block);
-    if (changed || first_reflectivity != reflectivity) report.changed_blocks.push_back(block);
+    report.changed_blocks.push_back(block);
   }
   return report;
 }
@@ -218,8 +228,7 @@ std::vector<Block> OccupancyMap::clearBox(const Eigen::Vector3d& min, const Eige
   return changed;
 }
 
-// ------------------------------------------------------------------------------------------------------
-// queries
+// ---- queries ------------------------------------------------------------------------------------
 
 std::optional<Cell> OccupancyMap::cellAt(const Voxel& voxel) const {
   std::optional<Cell> found;
@@ -260,6 +269,11 @@ std::vector<Cell> OccupancyMap::nearestOccupied(const Eigen::Vector3d& point, st
   return nearest;
 }
 
+std::size_t OccupancyMap::memoryUsage() const {
+  return tree_.memoryUsage() + settled_free_.bucket_count() * sizeof(void*) +
+         settled_free_.size() * (sizeof(Rows) + 4 * sizeof(void*));
+}
+
 Statistics OccupancyMap::statistics() const {
   Statistics s;
   std::int64_t occupied = 0, free = 0;
@@ -275,13 +289,11 @@ Statistics OccupancyMap::statistics() const {
   s.free_volume = static_cast<double>(free) * voxel;
   s.nodes = tree_.numNodes();
   s.height = tree_.height();
-  s.memory_bytes = tree_.memoryUsage() + settled_free_.bucket_count() * sizeof(void*) +
-                   settled_free_.size() * (sizeof(Rows) + 4 * sizeof(void*));
+  s.memory_bytes = memoryUsage();
   return s;
 }
 
-// --------------------------------------------------------------------------------------------------
-// conversions
+// ---- conversions --------------------------------------------------------------------------------
 
 double OccupancyMap::probability(float log_odds) {
   return 1.0 / (1.0 + std::exp(-static_cast<double>(log_odds)));
@@ -297,12 +309,13 @@ Eigen::Vector3d OccupancyMap::maxCorner(const VoxelBox& b) const {
 
 VoxelBox OccupancyMap::boxOf(const Eigen::Vector3d& min, const Eigen::Vector3d& max) const {
   VoxelBox box;
+  if (!(min.array() <= max.array()).all()) return VoxelBox::empty();  // NaN as well
   const auto cut = [](double c) {
     return static_cast<std::int16_t>(std::clamp<double>(c, kMinVoxel, kMaxVoxel));
   };
   for (int i = 0; i < 3; ++i) {
-    box.min[i] = cut(std::floor(min[i] / options_.resolution));
-    box.max[i] = cut(std::ceil(max[i] / options_.resolution));
+    box.min[i] = cut(std::floor(min[i] / options_.resolution + kRounding));
+    box.max[i] = cut(std::ceil(max[i] / options_.resolution - kRounding));
   }
   return box;
 }
@@ -310,8 +323,9 @@ VoxelBox OccupancyMap::boxOf(const Eigen::Vector3d& min, const Eigen::Vector3d& 
 VoxelBox OccupancyMap::boxOf(const Block& block) {
   VoxelBox box;
   for (int i = 0; i < 3; ++i) {
+    if (block[i] < kMinVoxel / kBlockSize || block[i] >= kMaxVoxel / kBlockSize) return VoxelBox::empty();
     box.min[i] = static_cast<std::int16_t>(block[i] * kBlockSize);
-    box.max[i] = static_cast<std::int16_t>(std::min((block[i] + 1) * kBlockSize, 32767));
+    box.max[i] = static_cast<std::int16_t>(box.min[i] + kBlockSize);
   }
   return box;
 }

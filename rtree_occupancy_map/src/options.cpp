@@ -41,7 +41,8 @@ void Options::validate() const {
   require(prob_miss > 0.0 && prob_miss <= 0.5, "prob_miss", prob_miss, "above 0 to 0.5");
   require(clamping_min > 0.0 && clamping_min < 0.5, "clamping_min", clamping_min, "above 0 to below 0.5");
   require(clamping_max > 0.5 && clamping_max < 1.0, "clamping_max", clamping_max, "above 0.5 to below 1");
-  require(prior > clamping_min && prior < clamping_max, "prior", prior, "between the clamping thresholds");
+  require(prior >= prob_miss && prior <= prob_hit && prior > clamping_min && prior < clamping_max, "prior",
+          prior, "prob_miss to prob_hit, between the clamping thresholds");
   require(occupancy_threshold > clamping_min && occupancy_threshold < clamping_max, "occupancy_threshold",
           occupancy_threshold, "between the clamping thresholds");
   require(min_range >= 0.0, "min_range", min_range, "0 m or more");

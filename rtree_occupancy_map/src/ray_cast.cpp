@@ -15,7 +15,7 @@ constexpr double kGap = 1e-6;
 
 RayHit OccupancyMap::castRay(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction,
                              double max_range, bool ignore_unknown) const {
-  if (!origin.allFinite() || !direction.allFinite() || direction.norm() == 0.0 || !(max_range > 0.0)) {
+  if (!origin.allFinite() || !direction.allFinite() || direction.stableNorm() == 0.0 || !(max_range > 0.0)) {
     throw std::invalid_argument("a ray needs a finite origin, a direction with a length and a range above 0");
   }
   // No cell is further than this from an origin inside of the map, and infinity doesn't go well with the sums
@@ -23,7 +23,7 @@ RayHit OccupancyMap::castRay(const Eigen::Vector3d& origin, const Eigen::Vector3
   const double diagonal = 2.0 * (kMaxVoxel - kMinVoxel);
   const double length =
       std::min(max_range / options_.resolution, diagonal + (origin / options_.resolution).norm());
-  const Ray ray(origin / options_.resolution, direction.normalized(), length);
+  const Ray ray(origin / options_.resolution, direction.stableNormalized(), length);
 
   RayHit hit;
   double known = 0.0;  // up to here the ray ran through known space
@@ -43,9 +43,7 @@ RayHit OccupancyMap::castRay(const Eigen::Vector3d& origin, const Eigen::Vector3
     hit.result = RayHit::Result::kUnknown;
     end = known;
   }
-  hit.point = hit.result == RayHit::Result::kNothing
-                  ? Eigen::Vector3d(origin + max_range * direction.normalized())
-                  : Eigen::Vector3d(ray.at(end) * options_.resolution);
+  hit.point = ray.at(end) * options_.resolution;
   return hit;
 }
 

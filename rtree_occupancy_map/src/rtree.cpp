@@ -58,8 +58,7 @@ RTree::RTree(RTree&&) noexcept = default;
 RTree& RTree::operator=(RTree&&) noexcept = default;
 RTree::~RTree() = default;
 
-// ---------------------------------------------------------------------------------------------- nodes and
-// entries
+// ---- nodes and entries --------------------------------------------------------------------------
 
 RTree::NodeId RTree::allocateNode(int level) {
   NodeId id;
@@ -104,9 +103,10 @@ void RTree::removeEntry(Node* n, int i) {
   setEntry(n, i, entryAt(n, --n->count));
 }
 
-// Entry i of an inner node: its child learns who its parent is.
-void RTree::adopt(NodeId parent, Node* n, int i) {
-  node(payloads(n)[i].child & ~kOccupiedBit)->parent = parent;
+void RTree::append(NodeId id, const Entry& e) {
+  Node* n = node(id);
+  setEntry(n, n->count++, e);
+  if (n->level > 0) node(e.payload.child & ~kOccupiedBit)->parent = id;
 }
 
 int RTree::slotInParent(NodeId id) const {
@@ -159,8 +159,7 @@ void RTree::clear() {
   root_ = allocateNode(0);
 }
 
-// ------------------------------------------------------------------------------------------- insertion and
-// deletion
+// ---- insertion and deletion ---------------------------------------------------------------------
 
 void RTree::insert(const Cell& cell) {
   insertEntry(cellEntry(cell), 0);
@@ -188,8 +187,7 @@ void RTree::insertEntry(const Entry& entry, int level) {
     split(id, entry);
     return;
   }
-  setEntry(n, n->count++, entry);
-  if (level > 0) adopt(id, n, n->count - 1);
+  append(id, entry);
   refit(id);
 }
 
@@ -205,19 +203,11 @@ void RTree::split(NodeId id, const Entry& extra) {
   const NodeId sibling = allocateNode(n->level);
   const NodeId ids[2] = {id, sibling};
   n->count = 0;
-  for (std::size_t k = 0; k < entries.size(); ++k) {
-    Node* to = node(ids[group[k]]);
-    setEntry(to, to->count++, entries[k]);
-    if (to->level > 0) adopt(ids[group[k]], to, to->count - 1);
-  }
+  for (std::size_t k = 0; k < entries.size(); ++k) append(ids[group[k]], entries[k]);
 
   if (id == root_) {
     root_ = allocateNode(n->level + 1);
-    Node* root = node(root_);
-    for (const NodeId child : ids) {
-      setEntry(root, root->count++, summary(child));
-      adopt(root_, root, root->count - 1);
-    }
+    for (const NodeId child : ids) append(root_, summary(child));
     return;
   }
   refit(id);
@@ -226,8 +216,7 @@ void RTree::split(NodeId id, const Entry& extra) {
   if (p->count == options_.max_entries) {
     split(parent, summary(sibling));
   } else {
-    setEntry(p, p->count++, summary(sibling));
-    adopt(parent, p, p->count - 1);
+    append(parent, summary(sibling));
     refit(parent);
   }
 }
@@ -288,8 +277,7 @@ void RTree::shortenRoot() {
   }
 }
 
-// ------------------------------------------------------------------------------------------------- many at a
-// time
+// ---- many at a time -----------------------------------------------------------------------------
 
 void RTree::replace(const VoxelBox& region, const std::vector<Cell>& cells) {
   leaves_.clear();
@@ -352,8 +340,7 @@ void RTree::pack(const Entry* entries, std::size_t count) {
     const NodeId id = is_new ? allocateNode(0) : leaves_.back();
     Node* n = node(id);
     n->count = 0;
-    for (std::size_t i = share(count, nodes, k); i < share(count, nodes, k + 1); ++i)
-      setEntry(n, n->count++, entries[i]);
+    for (std::size_t i = share(count, nodes, k); i < share(count, nodes, k + 1); ++i) append(id, entries[i]);
     if (is_new) {
       insertEntry(summary(id), 1);
     } else {
@@ -384,10 +371,8 @@ void RTree::rebuild(std::vector<Entry>& entries) {
     std::vector<Entry> parents;
     for (std::size_t k = 0; k < nodes; ++k) {
       const NodeId id = level == 0 && k == 0 ? root_ : allocateNode(level);
-      Node* n = node(id);
       for (std::size_t i = share(entries.size(), nodes, k); i < share(entries.size(), nodes, k + 1); ++i) {
-        setEntry(n, n->count++, entries[i]);
-        if (level > 0) adopt(id, n, n->count - 1);
+        append(id, entries[i]);
       }
       parents.push_back(summary(id));
     }
@@ -397,8 +382,7 @@ void RTree::rebuild(std::vector<Entry>& entries) {
   node(root_)->parent = kNone;
 }
 
-// ---------------------------------------------------------------------------------------------------
-// invariants
+// ---- invariants ---------------------------------------------------------------------------------
 
 std::string RTree::checkInvariants() const {
   std::ostringstream broken;

@@ -93,8 +93,7 @@ void ScanRaster::finish() {
   for (const Beam& b : sorted_beams_) traceBeam(b);
 }
 
-// Amanatides and Woo 1987: always step over the nearest border. The number of steps to the end voxel is
-// known, so that rounding can't lead the beam past it.
+// Amanatides and Woo 1987: always step over the nearest border.
 struct ScanRaster::Walk {
   double next[3];   // m, along the beam to the next border across each axis
   double delta[3];  // m, from border to border
@@ -133,6 +132,21 @@ void ScanRaster::traceBeam(const Beam& beam) {
   walk.words = origin_words_;
   walk.code =
       (origin_voxel_[0] & 31) << kShift[0] | (origin_voxel_[1] & 31) << kShift[1] | (origin_voxel_[2] & 31);
+  // Where the end is as near to a border as rounding, the beam could pass it: then count the steps along each
+  // axis.
+  double last = 0.0, beyond = std::numeric_limits<double>::max();
+  for (int i = 0; i < 3; ++i) {
+    if (walk.distance[i] == 0) continue;
+    last = std::max(last, walk.next[i] + (walk.distance[i] - 1) * walk.delta[i]);
+    beyond = std::min(beyond, walk.next[i] + walk.distance[i] * walk.delta[i]);
+  }
+  if (!(last * (1.0 + 1e-9) < beyond)) {
+    while (walk.steps > 0) {
+      const int axis = step(walk);
+      if (--walk.distance[axis] == 0) walk.next[axis] = std::numeric_limits<double>::max();
+    }
+    return;
+  }
   switch (dominant) {
     case 0:
       stride<0>(walk);

@@ -14,7 +14,7 @@ namespace rtree_occupancy_map {
 /// The voxels that one scan touches, each once, as bit masks of blocks.
 class ScanRaster {
  public:
-  /// Bit z of free(x, y) or hit(x, y): the voxel (x, y, z) of the block is crossed or ended in.
+  /// Bit z of crossed(x, y) or hit(x, y): the voxel (x, y, z) of the block is crossed or ended in.
   struct Mask {
     std::uint32_t words[kBlockSize][2 * kBlockSize];  // [y][x] crossed, [y][kBlockSize + x] hit
     std::uint32_t crossed(int x, int y) const { return words[y][x]; }

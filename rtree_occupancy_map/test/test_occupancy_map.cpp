@@ -144,6 +144,26 @@ TEST(OccupancyMap, AnObstacleThatMovesAwayDisappears) {
   EXPECT_EQ(map.stateAt({2.05, 0.05, 0.05}), VoxelState::kOccupied);
 }
 
+// A fused cell that is divided anew, so that one of its voxels is alone: it stays what it was.
+TEST(OccupancyMap, AStaticMapKeepsWhatHasSettled) {
+  Options o = small();
+  o.dynamic = false;
+  OccupancyMap map(o);
+  const auto repeat = [&map](const Eigen::Vector3f& hit, int times) {
+    Scan scan;
+    scan.origin = vec(0.05, 0.05, 0.05);
+    scan.hits = {hit};
+    for (int i = 0; i < times; ++i) map.insertScan(scan);
+  };
+  repeat(vec(0.55, 0.55, 0.55), 10);
+  repeat(vec(0.55, 0.65, 0.55), 10);
+  repeat(vec(0.65, 0.55, 0.55), 10);
+  repeat(vec(1.1, 1.3, 1.1), 30);  // through the second
+  EXPECT_EQ(map.stateAt({0.55, 0.55, 0.55}), VoxelState::kOccupied);
+  EXPECT_EQ(map.stateAt({0.55, 0.65, 0.55}), VoxelState::kOccupied);
+  EXPECT_EQ(map.stateAt({0.65, 0.55, 0.55}), VoxelState::kOccupied);
+}
+
 TEST(OccupancyMap, AStaticMapKeepsWhatIsFused) {
   Options o = small();
   o.dynamic = false;
@@ -196,6 +216,31 @@ TEST(OccupancyMap, ClearsAlongBeamsWithoutReturn) {
   EXPECT_EQ(map.insertScan(scan).beyond_range, 1U);
 }
 
+TEST(OccupancyMap, CutsBeamsHoweverLong) {
+  Options o = small();
+  o.max_range = 5.0;
+  OccupancyMap map(o);
+  Scan scan;
+  scan.origin = vec(0.05, 0.05, 0.05);
+  scan.misses = {vec(3e38, 0.05, 0.05)};
+  scan.hits = {vec(0.05, 1e20, 0.05)};
+  EXPECT_EQ(map.insertScan(scan).beyond_range, 1U);
+  EXPECT_EQ(map.stateAt({4.85, 0.05, 0.05}), VoxelState::kFree);
+  EXPECT_EQ(map.stateAt({0.05, 4.85, 0.05}), VoxelState::kFree);
+}
+
+TEST(OccupancyMap, BeamsThatOnlyClearAreSelectedFromToo) {
+  Options o = small();
+  o.fusion_strategy = FusionStrategy::kExpansion;
+  o.samples_per_metre = 5.0;
+  OccupancyMap map(o);
+  Scan scan;
+  scan.origin = vec(0.05, 0.05, 0.05);
+  scan.misses = {vec(3.05, 0.05, 0.05)};
+  for (int i = 0; i < 20; ++i) map.insertScan(scan);
+  EXPECT_LT(map.tree().size(), 15U);
+}
+
 TEST(OccupancyMap, CountsWhatItLeavesOut) {
   Options o = small();
   o.min_range = 1.0;
@@ -236,6 +281,16 @@ TEST(OccupancyMap, WorksUpToTheEdgeOfItsCoordinates) {
   for (int i = 0; i < 60; ++i) scan.hits.push_back(vec(edge - 0.06 * i, -edge + 0.05 * i + 0.02, 0.01 * i));
   for (int i = 0; i < 60; ++i) scan.misses.push_back(vec(edge + 0.5, -edge + 0.1 * i, 0.0));
   const InsertReport report = map.insertScan(scan);
+  // Its end is so near to a border that rounding takes it past, out of the coordinates.
+  Scan grazing;
+  grazing.origin = vec(1111.54724, 719.944641, 214.416901);
+  grazing.misses = {vec(3273.59985, 1821.90002, 752.700012)};
+  map.insertScan(grazing);
+  const VoxelBox bounds = map.tree().bounds();
+  for (int i = 0; i < 3; ++i) {
+    EXPECT_GE(bounds.min[i], kMinVoxel);
+    EXPECT_LE(bounds.max[i], kMaxVoxel);
+  }
   EXPECT_GT(report.hits, 50U);
   EXPECT_GT(report.outside, 50U);
   EXPECT_EQ(map.tree().checkInvariants(), "");
@@ -468,8 +523,19 @@ TEST_F(QueryTest, RefusesRaysToNowhere) {
   EXPECT_THROW(map_.castRay(o, o, 1.0), std::invalid_argument);
   EXPECT_THROW(map_.castRay(o, x, 0.0), std::invalid_argument);
   EXPECT_THROW(map_.castRay(o, Eigen::Vector3d(std::nan(""), 0, 0), 1.0), std::invalid_argument);
-  EXPECT_EQ(map_.castRay(Eigen::Vector3d(0, 0, 1000), x, std::numeric_limits<double>::infinity()).result,
-            RayHit::Result::kNothing);
+  const RayHit far = map_.castRay(Eigen::Vector3d(0, 0, 1000), x, std::numeric_limits<double>::infinity());
+  EXPECT_EQ(far.result, RayHit::Result::kNothing);
+  EXPECT_TRUE(far.point.allFinite());
+}
+
+TEST_F(QueryTest, FindsTheBoxOfACellByItsCorners) {
+  map_.tree().visitAll([&](const Cell& c) {
+    EXPECT_TRUE(map_.boxOf(map_.minCorner(c.box), map_.maxCorner(c.box)) == c.box);
+    return true;
+  });
+  EXPECT_TRUE(OccupancyMap::boxOf(Block{2048, 0, 0}).isEmpty());
+  EXPECT_TRUE(OccupancyMap::boxOf(Block{0, -2000, 0}).isEmpty());
+  EXPECT_EQ(OccupancyMap::boxOf(Block{-1, 0, 1}).volume(), 32768);
 }
 
 TEST_F(QueryTest, VisitsABox) {
@@ -483,6 +549,9 @@ TEST_F(QueryTest, VisitsABox) {
   });
   EXPECT_EQ(found, expected);
   EXPECT_GT(found, 100U);
+  map_.visitBox({std::nan(""), -2.0, -0.5}, max, [&](const Cell&) { return ++found > 0; });
+  map_.visitBox(min, {2.0, std::nan(""), 0.5}, [&](const Cell&) { return ++found > 0; });
+  EXPECT_EQ(found, expected);
 }
 
 // ----------------------------------------------------------------------------------------------------------
@@ -506,6 +575,7 @@ TEST(Options, NamesWhatIsWrong) {
   EXPECT_EQ(message([](Options& o) { o.search_order = "xxy"; }),
             "search_order is 'xxy', allowed is a permutation of xyz");
   EXPECT_EQ(message([](Options& o) { o.tree.max_entries = 1; }), "max_entries (M) is 1, allowed is 2 to 256");
+  EXPECT_EQ(message([](Options& o) { o.prior = 0.3; }).substr(0, 12), "prior is 0.3");
   EXPECT_EQ(message([](Options&) {}), "accepted");
   EXPECT_THROW(parseSensorModel("laser"), std::invalid_argument);
   EXPECT_EQ(parseFusionRule("thesis"), FusionRule::kThesis);

@@ -81,7 +81,8 @@ inline VoxelBox intersect(const VoxelBox& a, const VoxelBox& b) {
   return u;
 }
 
-/// Mean of the returns of a cell's surface; no returns, no mean.
+/// Mean of the returns of a cell's surface; no returns, no mean. In a fused cell: the mean over its voxels
+/// that had returns, and their mean number of returns.
 struct Reflectivity {
   float mean = std::numeric_limits<float>::quiet_NaN();
   std::uint32_t hits = 0;

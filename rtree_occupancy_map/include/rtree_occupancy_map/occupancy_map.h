@@ -41,7 +41,7 @@ struct InsertReport {
   std::size_t too_near = 0;           ///< points left out: nearer than min_range
   std::size_t beyond_range = 0;       ///< points cut at max_range
   std::size_t outside = 0;            ///< points left out: outside of the voxel coordinates
-  std::vector<Block> changed_blocks;  ///< where any voxel's log odds changed
+  std::vector<Block> changed_blocks;  ///< whose cells were written anew
 };
 
 enum class VoxelState { kUnknown, kFree, kOccupied };
@@ -53,7 +53,8 @@ struct RayHit {
     kNothing    ///< no occupied cell within the range
   };
   Result result = Result::kNothing;
-  Eigen::Vector3d point = Eigen::Vector3d::Zero();  ///< m, where the ray ends
+  Eigen::Vector3d point =
+      Eigen::Vector3d::Zero();  ///< m, where the ray ends; with no limit, far outside of the map
   Cell cell;
 };
 
@@ -62,7 +63,7 @@ struct Statistics {
   double occupied_volume = 0.0, free_volume = 0.0;  ///< m^3
   std::size_t nodes = 0;                            ///< of the R-tree, of all levels
   int height = 0;
-  std::size_t memory_bytes = 0;  ///< R-tree and index; the buffers of an insertion are not in it
+  std::size_t memory_bytes = 0;  ///< see memoryUsage
 };
 
 class OccupancyMap {
@@ -91,8 +92,7 @@ class OccupancyMap {
   /// Makes all known voxels in the box (m) free. @return the blocks that changed
   std::vector<Block> clearBox(const Eigen::Vector3d& min, const Eigen::Vector3d& max);
 
-  // --------------------------------------------------------------------------------------------------
-  // queries
+  // ---- queries ----------------------------------------------------------------------------------
 
   /// The cell at a point (m); none where space is unknown.
   std::optional<Cell> cellAt(const Eigen::Vector3d& point) const;
@@ -124,25 +124,28 @@ class OccupancyMap {
   /// The k occupied cells nearest to a point (m), by distance to the cuboid, nearest first.
   std::vector<Cell> nearestOccupied(const Eigen::Vector3d& point, std::size_t k) const;
 
+  /// Visits all cells.
   Statistics statistics() const;
 
-  // ----------------------------------------------------------------------------------------------
-  // conversions
+  /// Bytes of the R-tree and the index beside it, at no cost. The buffers of an insertion are not in it.
+  std::size_t memoryUsage() const;
+
+  // ---- conversions ------------------------------------------------------------------------------
 
   bool isOccupied(const Cell& cell) const { return cell.log_odds >= options_.tree.occupied_log_odds; }
   static double probability(float log_odds);
   Eigen::Vector3d minCorner(const VoxelBox& box) const;  ///< m
   Eigen::Vector3d maxCorner(const VoxelBox& box) const;  ///< m
   Eigen::Vector3d center(const VoxelBox& box) const { return 0.5 * (minCorner(box) + maxCorner(box)); }
-  /// The voxels that the box (m) touches, cut to the map's coordinates.
+  /// The voxels that the box (m) overlaps, cut to the map's coordinates; empty unless min <= max (NaN).
   VoxelBox boxOf(const Eigen::Vector3d& min, const Eigen::Vector3d& max) const;
+  /// Empty outside of the map's coordinates.
   static VoxelBox boxOf(const Block& block);
   static Block blockOf(const Voxel& voxel) {
     return {voxel[0] >> kBlockBits, voxel[1] >> kBlockBits, voxel[2] >> kBlockBits};
   }
 
-  // ----------------------------------------------------------------------------------------------------
-  // files
+  // ---- files ------------------------------------------------------------------------------------
 
   /// Writes to a temporary name beside `path` and renames. @throws std::runtime_error with the reason
   void save(const std::string& path) const;

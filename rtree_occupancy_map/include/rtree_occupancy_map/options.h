@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
-// What a map is built with. Defaults are the thesis's evaluation (section 2.6), where it gives them.
+// What a map is built with. The sensor model's defaults are those of the thesis's evaluation (section 2.6).
 #pragma once
 
 #include <cstdint>
@@ -35,21 +35,22 @@ struct Options {
   double prob_miss = 0.4;            ///< P_free, 0 to 0.5
   double clamping_min = 0.12;        ///< mu_min, probability
   double clamping_max = 0.97;        ///< mu_max, probability
-  double prior = 0.5;                ///< probability of a voxel that was never observed
+  double prior = 0.5;                ///< of a voxel never observed, prob_miss to prob_hit
   double occupancy_threshold = 0.5;  ///< from this probability up a voxel is occupied
   double min_range = 0.0;            ///< m, nearer returns are dropped: the robot itself
-  double max_range =
-      std::numeric_limits<double>::infinity();  ///< m, longer beams are cut here and only clear
+  double max_range = std::numeric_limits<double>::infinity();  ///< m, to the end voxel's centre; longer beams
+                                                               ///< are cut and only clear
   SensorModel sensor_model = SensorModel::kBeam;
   FusionRule fusion_rule = FusionRule::kEqualValue;
   FusionStrategy fusion_strategy = FusionStrategy::kBlock;
   /// Search order. Blocks: the axes along which a cuboid grows, first to last, a permutation of "xyz".
-  /// Expansion: the order of the directions while all sides are equal, otherwise the longer sides go first.
+  /// Expansion: the directions while all sides are equal, + before - ("xyz" is the thesis's); otherwise the
+  /// longer sides go first.
   std::string search_order = "zxy";
   double samples_per_metre = 0.5;  ///< expansion only: cells selected along each beam, besides its end point
   std::uint64_t seed = 1;          ///< of that selection
-  /// true: a fused cell is updated like any other, and split where observations contradict it. false: once
-  /// fused beyond a clamping threshold it stays as it is, as in the thesis.
+  /// true: cells are updated whatever they have settled at, and split where observations contradict them.
+  /// false: what has reached a clamping threshold is no longer updated, as in the thesis (2.5.1).
   bool dynamic = true;
   bool reflectivity = false;  ///< cells carry the mean reflectivity of their returns
   RTreeOptions tree;          ///< order (d, M) and split; the other members are set by the map

@@ -222,11 +222,11 @@ class RTree {
   void freeNode(NodeId id);
   Entry entryAt(Node* n, int i) const;
   void setEntry(Node* n, int i, const Entry& e);
+  void append(NodeId id, const Entry& e);
   void removeEntry(Node* n, int i);
   int slotInParent(NodeId id) const;
   Entry summary(NodeId id) const;  // the entry that the parent should hold for this node
   static Entry cellEntry(const Cell& cell);
-  void adopt(NodeId parent, Node* n, int i);
 
   void insertEntry(const Entry& entry, int level);
   void split(NodeId id, const Entry& extra);

@@ -453,8 +453,7 @@ void MappingNodelet::diagnoseMap(diagnostic_updater::DiagnosticStatusWrapper& st
   const auto milliseconds = [](double sum, std::size_t count) { return count > 0 ? 1e3 * sum / count : 0.0; };
   status.summaryf(diagnostic_msgs::DiagnosticStatus::OK, "%zu cells", map_.tree().size());
   status.add("Cells", map_.tree().size());
-  status.addf("Memory of the R-tree (MiB)", "%.1f",
-              static_cast<double>(map_.tree().memoryUsage()) / (1 << 20));
+  status.addf("Memory (MiB)", "%.1f", static_cast<double>(map_.memoryUsage()) / (1 << 20));
   status.add("Resolution (m)", map_.options().resolution);
   status.addf("Insertion, mean (ms)", "%.2f", milliseconds(activity_.insertion_time, activity_.insertions));
   status.addf("Insertion, longest (ms)", "%.2f", 1e3 * activity_.longest_insertion);
