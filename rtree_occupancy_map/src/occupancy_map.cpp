@@ -59,7 +59,6 @@ void OccupancyMap::rasterize(const Scan& scan, InsertReport& report) {
   const bool beams = options_.sensor_model == SensorModel::kBeam;
   const bool expands = options_.fusion_strategy == FusionStrategy::kExpansion;
   const double inverse = 1.0 / options_.resolution;
-  const auto max_range = static_cast<float>(options_.max_range);
   // Cells at random places along a beam, in proportion to its length (2.5.2, "Cell Selection").
   std::uniform_real_distribution<float> uniform(0.0F, 1.0F);
   const auto select = [&](const Voxel& v) {
@@ -78,7 +77,9 @@ void OccupancyMap::rasterize(const Scan& scan, InsertReport& report) {
   // A beam that only clears, cut at max_range.
   const auto clear = [&](Eigen::Vector3f end) {
     const Eigen::Vector3f beam = end - scan.origin;
-    if (beam.stableNorm() > max_range) end = scan.origin + beam.stableNormalized() * max_range;
+    if (lengthOf(beam) > options_.max_range) {
+      end = scan.origin + unitVector(beam) * static_cast<float>(options_.max_range);
+    }
     Voxel voxel;
     if (!toVoxel(end, inverse, voxel)) return false;
     if (beams) addBeam(voxel, end);
@@ -91,7 +92,7 @@ void OccupancyMap::rasterize(const Scan& scan, InsertReport& report) {
     if (!toVoxel(point, inverse, voxel)) {
       if (!point.allFinite()) {
         ++report.non_finite;
-      } else if ((point - scan.origin).stableNorm() > max_range && clear(point)) {
+      } else if (lengthOf(point - scan.origin) > options_.max_range && clear(point)) {
         ++report.beyond_range;
       } else {
         ++report.outside;
@@ -104,7 +105,7 @@ void OccupancyMap::rasterize(const Scan& scan, InsertReport& report) {
     }
     Eigen::Vector3f center;
     for (int k = 0; k < 3; ++k) center[k] = static_cast<float>((voxel[k] + 0.5) * options_.resolution);
-    if ((center - scan.origin).norm() > max_range) {
+    if (lengthOf(center - scan.origin) > options_.max_range) {
       ++report.beyond_range;
       clear(center);
       continue;

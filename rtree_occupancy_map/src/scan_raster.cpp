@@ -109,42 +109,49 @@ struct ScanRaster::Walk {
 };
 
 void ScanRaster::traceBeam(const Beam& beam) {
-  Eigen::Vector3f direction = beam.end_point - origin_;
-  direction /= static_cast<float>(std::sqrt(static_cast<double>(
-      direction.x() * direction.x() + direction.y() * direction.y() + direction.z() * direction.z())));
+  const Eigen::Vector3f difference = beam.end_point - origin_;
+  const auto length = static_cast<float>(lengthOf(difference));
+  const Eigen::Vector3f direction = difference / length;
   Walk walk;
   walk.steps = 0;
   int dominant = 0;
+  double dominant_delta = std::numeric_limits<double>::max();
+  double last = 0.0, beyond = dominant_delta;  // the last border before the end, the first one behind it
   for (int i = 0; i < 3; ++i) {
-    const int distance = beam.end[i] - origin_voxel_[i], sign = distance > 0 ? 1 : -1;
-    walk.distance[i] = std::abs(distance);
-    walk.steps += std::abs(distance);
+    const int sign = direction[i] > 0.0F ? 1 : -1;
+    walk.distance[i] = sign * (beam.end[i] - origin_voxel_[i]);
+    walk.steps += walk.distance[i];
     walk.offset[i] = sign * (1 << kShift[i]);
     walk.next[i] = walk.delta[i] = std::numeric_limits<double>::max();
-    if (distance == 0) continue;  // no border to cross
+    if (direction[i] == 0.0F) continue;
     const double border =
         (origin_voxel_[i] + 0.5) * resolution_ + static_cast<float>(sign * resolution_ * 0.5);
     walk.next[i] = (border - origin_[i]) / direction[i];
     walk.delta[i] = resolution_ / std::abs(static_cast<double>(direction[i]));
-    if (walk.delta[i] < walk.delta[dominant]) dominant = i;
+    beyond = std::min(beyond, walk.next[i] + walk.distance[i] * walk.delta[i]);
+    if (walk.distance[i] <= 0) continue;
+    last = std::max(last, walk.next[i] + (walk.distance[i] - 1) * walk.delta[i]);
+    if (walk.delta[i] < dominant_delta) {
+      dominant_delta = walk.delta[i];
+      dominant = i;
+    }
   }
+  if (walk.steps == 0) return;
   walk.block = OccupancyMap::blockOf(origin_voxel_);
   walk.words = origin_words_;
   walk.code =
       (origin_voxel_[0] & 31) << kShift[0] | (origin_voxel_[1] & 31) << kShift[1] | (origin_voxel_[2] & 31);
-  // Where the end is as near to a border as rounding, the beam could pass it: then count the steps along each
-  // axis.
-  double last = 0.0, beyond = std::numeric_limits<double>::max();
-  for (int i = 0; i < 3; ++i) {
-    if (walk.distance[i] == 0) continue;
-    last = std::max(last, walk.next[i] + (walk.distance[i] - 1) * walk.delta[i]);
-    beyond = std::min(beyond, walk.next[i] + walk.distance[i] * walk.delta[i]);
-  }
-  if (!(last * (1.0 + 1e-9) < beyond)) {
-    while (walk.steps > 0) {
-      const int axis = step(walk);
-      if (--walk.distance[axis] == 0) walk.next[axis] = std::numeric_limits<double>::max();
-    }
+  if (!(last * (1.0 + 1e-9) < beyond && last <= length)) {
+    // The end is as near to a border as rounding, so the beam may pass it or not reach it. As OctoMap does,
+    // it then goes on for as long as it is.
+    walk.steps = std::numeric_limits<int>::max();
+    const auto inside = [&walk](int i) {
+      return std::abs(2 * walk.block[i] + 1) < 2 * kMaxVoxel / kBlockSize;
+    };
+    do {
+      --walk.distance[step(walk)];
+    } while ((walk.distance[0] | walk.distance[1] | walk.distance[2]) != 0 &&
+             walk.next[walk.nearest()] <= length && inside(0) && inside(1) && inside(2));
     return;
   }
   switch (dominant) {

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <memory>
 #include <vector>
@@ -75,6 +76,15 @@ class ScanRaster {
   Block last_hit_block_{};
   Mask* last_hit_mask_ = nullptr;
 };
+
+/// In just these steps, so that beams which graze an edge or a border fall to the same side as OctoMap's.
+inline double lengthOf(const Eigen::Vector3f& v) {
+  const double length = std::sqrt(static_cast<double>(v.x() * v.x() + v.y() * v.y() + v.z() * v.z()));
+  return std::isfinite(length) ? length : static_cast<double>(v.stableNorm());
+}
+inline Eigen::Vector3f unitVector(const Eigen::Vector3f& v) {
+  return v / static_cast<float>(lengthOf(v));
+}
 
 /// floor(coordinate / resolution), and whether that lies in the map's coordinates.
 inline bool toVoxel(const Eigen::Vector3f& point, double inverse_resolution, Voxel& voxel) {
