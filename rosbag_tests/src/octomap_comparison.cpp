@@ -43,13 +43,15 @@ volatile double sink;
 }  // namespace
 
 OctomapComparison::OctomapComparison(const std::vector<Options>& options)
-    : octree_(options.at(0).resolution) {
+    : octree_(options.empty() ? 1.0 : options[0].resolution) {
+  if (options.empty()) throw std::invalid_argument("there is no map to compare");
   const Options& first = options[0];
   for (const Options& o : options) {
     if (o.resolution != first.resolution || o.sensor_model != first.sensor_model ||
         o.prob_hit != first.prob_hit || o.prob_miss != first.prob_miss ||
         o.clamping_min != first.clamping_min || o.clamping_max != first.clamping_max ||
-        o.max_range != first.max_range || o.prior != 0.5 || o.min_range != 0.0) {
+        o.max_range != first.max_range || o.occupancy_threshold != first.occupancy_threshold ||
+        o.prior != 0.5 || o.min_range != 0.0) {
       throw std::invalid_argument(
           "maps to be compared need the same resolution, sensor model and range, and OctoMap's prior");
     }

@@ -252,7 +252,8 @@ void MappingNodelet::arrived(Input<Message>& input, const boost::shared_ptr<cons
 // Transforms and waiting messages are of another time now; the map stays.
 void MappingNodelet::timeJumpedBack(const ros::Duration& by) {
   NODELET_WARN_STREAM("Time jumped back by " << by << " s: transforms are forgotten, the map goes on");
-  tf_buffer_.clear();
+  // With simulated time the listener has done so already, and may have heard of new ones since.
+  if (!ros::Time::isSimTime()) tf_buffer_.clear();
   const std::size_t waiting = clouds_.waiting + scans_.waiting;
   clouds_.filter->clear();
   scans_.filter->clear();
