@@ -12,10 +12,10 @@ packages_build=(
   ros-core-dev libdiagnostic-updater-dev libdynamic-reconfigure-config-init-mutex-dev libmap-msgs-dev libnav-msgs-dev
   libnodelet-dev libnodeletlib-dev pluginlib-dev librosbag-dev libtf2-dev libtf2-eigen-dev libtf2-msgs-dev libtf2-ros-dev
   libvisualization-msgs-dev python3-dynamic-reconfigure
-  libboost-program-options-dev libeigen3-dev liblzma-dev liboctomap-dev libpcl-dev libyaml-cpp-dev
+  libboost-program-options-dev libeigen3-dev libgtest-dev liblzma-dev liboctomap-dev libpcl-dev libyaml-cpp-dev
+  python3-rostest
 )
 packages_run=(libnodeletlib-tools python3-rosbag python3-roslaunch)
-packages_test=(libgtest-dev python3-rostest)
 packages_pictures=(rviz xvfb imagemagick)
 packages_plots=(python3-matplotlib)
 
