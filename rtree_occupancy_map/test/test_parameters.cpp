@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "rtree_occupancy_map/ros/parameters.h"
-
 #include <gtest/gtest.h>
 #include <yaml-cpp/yaml.h>
 
 #include <cmath>
 #include <stdexcept>
+
+#include "rtree_occupancy_map/ros/parameters.h"
 
 namespace rtree_occupancy_map {
 namespace {

@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "rtree_occupancy_map/ros/scan_conversion.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <limits>
 #include <stdexcept>
 
+#include "rtree_occupancy_map/ros/scan_conversion.h"
 #include "test_messages.h"
 
 namespace rtree_occupancy_map {

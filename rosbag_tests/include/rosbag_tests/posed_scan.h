@@ -9,12 +9,13 @@
 
 namespace rosbag_tests {
 
-/// One scan of a 3D sensor with the pose that it was taken from: what every reader gives and every evaluation takes.
+/// One scan of a 3D sensor with the pose that it was taken from: what every reader gives and every evaluation
+/// takes.
 struct PosedScan {
-  std::string name;                                               ///< of the file or message, for progress and errors
-  double stamp = 0.0;                                             ///< s
-  Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();         ///< sensor frame -> map frame
-  pcl::PointCloud<pcl::PointXYZI> cloud;                          ///< sensor frame, m; non-finite: no return
+  std::string name;    ///< of the file or message, for progress and errors
+  double stamp = 0.0;  ///< s
+  Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();  ///< sensor frame -> map frame
+  pcl::PointCloud<pcl::PointXYZI> cloud;                   ///< sensor frame, m; non-finite: no return
 };
 
 }  // namespace rosbag_tests
