@@ -15,7 +15,7 @@ packages_build=(
   libboost-program-options-dev libeigen3-dev libgtest-dev liblzma-dev liboctomap-dev libpcl-dev libyaml-cpp-dev
   python3-rostest
 )
-packages_run=(libnodeletlib-tools python3-rosbag python3-roslaunch)
+packages_run=(libnodeletlib-tools python3-rosbag python3-roslaunch python3-rosservice rosbash)
 packages_pictures=(rviz xvfb imagemagick)
 packages_plots=(python3-matplotlib)
 
