@@ -2,14 +2,17 @@
 #pragma once
 
 #include <gtest/gtest.h>
+#include <mapping_common/testing/temp_dir.h>
 #include <rosbag_tests/world.h>
 
 #include <exception>
 #include <string>
 
-#include "temp_dir.h"
-
 namespace rosbag_tests {
+
+using mapping_common::errorOf;
+using mapping_common::mentions;
+using mapping_common::TempDir;
 
 /// Expects `call` to throw something whose message contains `part`.
 template <typename Call>

@@ -2,6 +2,7 @@
 #include <geometry_msgs/PoseStamped.h>
 #include <geometry_msgs/TransformStamped.h>
 #include <gtest/gtest.h>
+#include <mapping_common/testing/temp_dir.h>
 #include <nav_msgs/Odometry.h>
 #include <rosbag_tests/bag_scans.h>
 #include <rosbag_tests/conversions.h>
@@ -15,10 +16,12 @@
 #include <limits>
 #include <vector>
 
-#include "temp_dir.h"
-
 namespace rosbag_tests {
 namespace {
+
+using mapping_common::errorOf;
+using mapping_common::mentions;
+using mapping_common::TempDir;
 
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 constexpr float kInf = std::numeric_limits<float>::infinity();

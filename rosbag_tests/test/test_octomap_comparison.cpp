@@ -2,6 +2,7 @@
 //
 // The map loses nothing: voxel by voxel it has the log odds of OctoMap, however its cells fuse.
 #include <gtest/gtest.h>
+#include <mapping_common/testing/recordings.h>
 #include <rosbag_tests/octomap_comparison.h>
 #include <rosbag_tests/scan_files.h>
 #include <rosbag_tests/simulation_bag.h>
@@ -18,12 +19,14 @@
 #include <random>
 #include <sstream>
 
-#include "recordings.h"
 #include "simulator_test_utils.h"
 #include "voxels.h"
 
 namespace rosbag_tests {
 namespace {
+
+using mapping_common::findRecording;
+using mapping_common::withoutRecording;
 
 using rtree_occupancy_map::FusionRule;
 using rtree_occupancy_map::Options;

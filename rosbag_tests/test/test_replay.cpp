@@ -4,6 +4,7 @@
 // recording: every voxel, state and log odds.
 #include <diagnostic_msgs/DiagnosticArray.h>
 #include <gtest/gtest.h>
+#include <mapping_common/testing/recordings.h>
 #include <mapping_msgs/SaveMap.h>
 #include <nodelet/NodeletLoad.h>
 #include <nodelet/NodeletUnload.h>
@@ -29,12 +30,14 @@
 #include <string>
 #include <vector>
 
-#include "recordings.h"
 #include "simulator_test_utils.h"
 #include "voxels.h"
 
 namespace rosbag_tests {
 namespace {
+
+using mapping_common::findRecording;
+using mapping_common::withoutRecording;
 
 using rtree_occupancy_map::OccupancyMap;
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <gtest/gtest.h>
 #include <lzma.h>
+#include <mapping_common/testing/temp_dir.h>
 #include <octomap/ScanGraph.h>
 #include <pcl/console/print.h>
 #include <pcl/io/pcd_io.h>
@@ -13,10 +14,12 @@
 #include <set>
 #include <vector>
 
-#include "temp_dir.h"
-
 namespace rosbag_tests {
 namespace {
+
+using mapping_common::errorOf;
+using mapping_common::mentions;
+using mapping_common::TempDir;
 
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 const char kIdentity[] = " 1 0 0 0 0 1 0 0 0 0 1 0\n";

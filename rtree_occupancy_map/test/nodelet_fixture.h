@@ -4,10 +4,8 @@
 // watch it.
 #pragma once
 
-#include <diagnostic_msgs/DiagnosticArray.h>
 #include <gtest/gtest.h>
-#include <nodelet/NodeletLoad.h>
-#include <nodelet/NodeletUnload.h>
+#include <mapping_common/testing/nodelet_test.h>
 #include <ros/ros.h>
 #include <rtree_occupancy_map/CellsInBox.h>
 #include <sensor_msgs/LaserScan.h>
@@ -48,78 +46,26 @@ inline Voxels voxelsOf(const OccupancyMap& map) {
   return voxels;
 }
 
-/// Lets callbacks run until the condition holds. @return false if it didn't in time
-inline bool waitFor(const std::function<bool()>& condition, double seconds = 10.0) {
-  const ros::WallTime end = ros::WallTime::now() + ros::WallDuration(seconds);
-  while (ros::ok()) {
-    ros::spinOnce();
-    if (condition()) return true;
-    if (ros::WallTime::now() > end) return false;
-    ros::WallDuration(0.01).sleep();
-  }
-  return false;
-}
+using mapping_common::Recorder;
+using mapping_common::spinFor;
+using mapping_common::waitFor;
 
-inline void spinFor(double seconds) {
-  waitFor([] { return false; }, seconds);
-}
-
-/// All messages of a topic.
-template <class Message>
-class Recorder {
- public:
-  Recorder(ros::NodeHandle& node, const std::string& topic)
-      : subscriber_(node.subscribe<Message>(
-            topic, 100,
-            [this](const boost::shared_ptr<const Message>& message) { messages.push_back(*message); })) {}
-  bool waitForOne() {
-    const std::size_t before = messages.size();
-    return waitFor([&] { return messages.size() > before; });
-  }
-  std::vector<Message> messages;
-
- private:
-  ros::Subscriber subscriber_;
-};
-
-class NodeletTest : public ::testing::Test {
+class NodeletTest : public mapping_common::NodeletTest {
  protected:
   NodeletTest()
-      : test_(::testing::UnitTest::GetInstance()->current_test_info()->name()),
-        node_("/" + test_),
-        name_("/" + test_ + "/mapping"),
-        map_frame_(test_ + "_map"),
-        diagnostics_(node_, "/diagnostics") {
+      : mapping_common::NodeletTest("rtree_occupancy_map/MappingNodelet", "mapping"),
+        map_frame_(test_ + "_map") {
     ros::param::set(name_ + "/frame_id", map_frame_);
     ros::param::set(name_ + "/publish_rate", 50.0);
   }
-  ~NodeletTest() override { unload(); }
-
-  template <class T>
-  void setParam(const std::string& parameter, const T& value) {
-    ros::param::set(name_ + "/" + parameter, value);
-  }
-
   bool load() {
-    nodelet::NodeletLoad load;
-    load.request.name = name_;
-    load.request.type = "rtree_occupancy_map/MappingNodelet";
-    EXPECT_TRUE(ros::service::waitForService("/manager/load_nodelet", ros::Duration(-1.0)));
-    if (!ros::service::call("/manager/load_nodelet", load) || !load.response.success) return false;
-    loaded_ = true;
+    if (!mapping_common::NodeletTest::load()) return false;
     clouds_ = node_.advertise<sensor_msgs::PointCloud2>("cloud_in", 100);
     scans_ = node_.advertise<sensor_msgs::LaserScan>("scan", 100);
     tf_ = node_.advertise<tf2_msgs::TFMessage>("/tf", 100);
     return waitFor([this] {
       return clouds_.getNumSubscribers() > 0 && scans_.getNumSubscribers() > 0 && tf_.getNumSubscribers() > 0;
     });
-  }
-
-  void unload() {
-    nodelet::NodeletUnload unload;
-    unload.request.name = name_;
-    if (loaded_) ros::service::call("/manager/unload_nodelet", unload);
-    loaded_ = false;
   }
 
   std::string frame(const std::string& name) const { return test_ + "_" + name; }
@@ -134,7 +80,6 @@ class NodeletTest : public ::testing::Test {
   }
   void sendStaticPose(const std::string& sensor, const Eigen::Isometry3d& pose) {
     broadcaster_.sendTransform(transformOf(sensor, pose, ros::Time(0)));
-    spinFor(0.1);  // tf2_ros::MessageFilter may overlook a transform that comes together with the message
   }
   void sendPose(const std::string& sensor, const Eigen::Isometry3d& pose, const ros::Time& stamp) {
     tf2_msgs::TFMessage message;
@@ -185,32 +130,10 @@ class NodeletTest : public ::testing::Test {
     return waitFor([&] { return voxels() == voxels_expected; });
   }
 
-  /// The latest value of the nodelet's diagnostics, empty before there is any.
-  std::string diagnostic(const std::string& status_name, const std::string& key) {
-    std::string value;
-    for (const auto& message : diagnostics_.messages) {
-      for (const auto& status : message.status) {
-        if (status.name.find(test_ + "/mapping: " + status_name) == std::string::npos) continue;
-        for (const auto& pair : status.values) {
-          if (pair.key == key) value = pair.value;
-        }
-      }
-    }
-    return value;
-  }
-  void expectDiagnostic(const std::string& status, const std::string& key, const std::string& value) {
-    EXPECT_TRUE(waitFor([&] { return diagnostic(status, key) == value; }, 5.0))
-        << key << " is " << diagnostic(status, key) << ", expected " << value;
-  }
-
-  const std::string test_;
-  ros::NodeHandle node_;
-  const std::string name_, map_frame_;
+  const std::string map_frame_;
   OccupancyMap reference_;
   ros::Publisher clouds_, scans_, tf_;
   tf2_ros::StaticTransformBroadcaster broadcaster_;
-  Recorder<diagnostic_msgs::DiagnosticArray> diagnostics_;
-  bool loaded_ = false;
 };
 
 inline Eigen::Isometry3d poseOf(double x, double y, double z, double yaw = 0.0) {

@@ -44,9 +44,9 @@ std::set<std::string> leafs(const YAML::Node& node, const std::string& prefix = 
 }
 
 MappingParameters read(const std::string& yaml) {
-  Parameters reader(fromYaml(YAML::Load(yaml)));
+  mapping_common::Parameters reader(fromYaml(YAML::Load(yaml)));
   const auto parameters = readMappingParameters(reader);
-  reader.rejectUnknown("reconfigure/");
+  reader.rejectUnknown({"reconfigure/"});
   return parameters;
 }
 
@@ -171,7 +171,7 @@ TEST(Parameters, UnknownOnesAreRejected) {
 
 TEST(Parameters, TheShippedFileHoldsThemAllWithTheirDefaults) {
   const YAML::Node file = YAML::LoadFile(WORKSPACE_DIR "/config/mapping.yaml");
-  Parameters shipped(fromYaml(file)), unset{XmlRpcValue()};
+  mapping_common::Parameters shipped(fromYaml(file)), unset{XmlRpcValue()};
   const auto p = readMappingParameters(shipped), q = readMappingParameters(unset);
   EXPECT_EQ(shipped.names(), leafs(file));
   const auto tuple = [](const MappingParameters& m) {

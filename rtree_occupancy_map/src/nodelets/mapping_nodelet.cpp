@@ -157,9 +157,9 @@ void MappingNodelet::start() {
   ros::NodeHandle& private_node = getPrivateNodeHandle();
   XmlRpc::XmlRpcValue values;
   private_node.getParam(private_node.getNamespace(), values);
-  Parameters reader(values);
+  mapping_common::Parameters reader(values);
   const MappingParameters parameters = readMappingParameters(reader);
-  reader.rejectUnknown("reconfigure/");
+  reader.rejectUnknown({"reconfigure/"});
 
   frame_id_ = parameters.display.frame_id;
   scan_limits_ = parameters.scan;
@@ -184,7 +184,9 @@ void MappingNodelet::start() {
   reconfigure_server_->setCallback(
       [this](MappingConfig& config, std::uint32_t level) { reconfigure(config, level); });
 
-  tf_listener_ = std::make_unique<tf2_ros::TransformListener>(tf_buffer_);
+  // In the queue of the scans: tf2_ros::MessageFilter forgets a message whose transform comes from another
+  // thread in the very moment in which it is added.
+  tf_listener_ = std::make_unique<tf2_ros::TransformListener>(tf_buffer_, node, false);
   listen(clouds_, "cloud_in", parameters);
   listen(scans_, "scan", parameters);
   services_ = {private_node.advertiseService("save_map", &MappingNodelet::saveMap, this),

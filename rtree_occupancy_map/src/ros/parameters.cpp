@@ -1,112 +1,15 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "rtree_occupancy_map/ros/parameters.h"
 
-#include <sstream>
+#include <limits>
 #include <stdexcept>
-#include <type_traits>
 
 namespace rtree_occupancy_map {
-namespace {
-
-using XmlRpc::XmlRpcValue;
-
-template <class T>
-[[noreturn]] void reject(const std::string& name, const T& value, const std::string& expected) {
-  std::ostringstream text;
-  text << '~' << name << " is " << value << ", " << expected;
-  throw std::invalid_argument(text.str());
-}
-
-template <class T>
-constexpr const char* typeName() {
-  if constexpr (std::is_same_v<T, bool>) return "true or false";
-  if constexpr (std::is_same_v<T, int>) return "an integer";
-  if constexpr (std::is_same_v<T, double>) return "a number";
-  return "a string";
-}
-
-template <class T>
-bool read(XmlRpcValue& from, T& to) {
-  constexpr auto type = std::is_same_v<T, bool>     ? XmlRpcValue::TypeBoolean
-                        : std::is_same_v<T, int>    ? XmlRpcValue::TypeInt
-                        : std::is_same_v<T, double> ? XmlRpcValue::TypeDouble
-                                                    : XmlRpcValue::TypeString;
-  if constexpr (std::is_same_v<T, double>) {
-    if (from.getType() == XmlRpcValue::TypeInt) {
-      to = static_cast<int&>(from);
-      return true;
-    }
-  }
-  if (from.getType() != type) return false;
-  to = static_cast<T&>(from);
-  return true;
-}
-
-std::string join(const std::set<std::string>& names) {
-  std::string text;
-  for (const std::string& name : names) text += (text.empty() ? "~" : ", ~") + name;
-  return text;
-}
-
-}  // namespace
-
-Parameters::Parameters(XmlRpcValue all) {
-  if (all.getType() == XmlRpcValue::TypeStruct) flatten("", all);
-}
-
-void Parameters::flatten(const std::string& prefix, XmlRpcValue& value) {
-  for (auto& [name, member] : value) {
-    if (member.getType() == XmlRpcValue::TypeStruct) {
-      flatten(prefix + name + '/', member);
-    } else {
-      values_[prefix + name] = member;
-    }
-  }
-}
-
-template <class T>
-T Parameters::get(const std::string& name, const T& fallback) {
-  names_.insert(name);
-  const auto found = values_.find(name);
-  if (found == values_.end()) return fallback;
-  T value;
-  if (!read(found->second, value)) reject(name, found->second, std::string("expected is ") + typeName<T>());
-  return value;
-}
-
-template <class T>
-T Parameters::get(const std::string& name, const T& fallback, const T& min, const T& max) {
-  const T value = get(name, fallback);
-  if (!(value >= min && value <= max)) {
-    std::ostringstream allowed;
-    allowed << "allowed is " << min << " to " << max;
-    reject(name, value, allowed.str());
-  }
-  return value;
-}
-
-template bool Parameters::get(const std::string&, const bool&);
-template int Parameters::get(const std::string&, const int&);
-template double Parameters::get(const std::string&, const double&);
-template std::string Parameters::get(const std::string&, const std::string&);
-template int Parameters::get(const std::string&, const int&, const int&, const int&);
-template double Parameters::get(const std::string&, const double&, const double&, const double&);
-
-void Parameters::rejectUnknown(const std::string& except) const {
-  std::set<std::string> unknown;
-  for (const auto& [name, value] : values_) {
-    if (names_.count(name) == 0 && name.compare(0, except.size(), except) != 0) unknown.insert(name);
-  }
-  if (!unknown.empty()) {
-    throw std::invalid_argument("unknown: " + join(unknown) + "; the parameters are " + join(names_));
-  }
-}
-
 double maxRange(double parameter) {
   return parameter == -1.0 ? std::numeric_limits<double>::infinity() : parameter;
 }
 
-MappingParameters readMappingParameters(Parameters& p) {
+MappingParameters readMappingParameters(mapping_common::Parameters& p) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   MappingParameters m;
   Options& o = m.map;
@@ -160,7 +63,7 @@ MappingParameters readMappingParameters(Parameters& p) {
 
   DisplayOptions& d = m.display;
   d.frame_id = p.get("frame_id", d.frame_id);
-  if (d.frame_id.empty()) reject("frame_id", "''", "allowed is the name of a frame");
+  if (d.frame_id.empty()) mapping_common::rejectParameter("frame_id", "''", "allowed is the name of a frame");
   m.publish_rate = p.get("publish_rate", m.publish_rate, 0.1, 100.0);
   d.full_map_period = p.get("full_map_period", d.full_map_period, 0.0, 1e6);
   d.latch = p.get("latch", d.latch);

@@ -7,7 +7,7 @@
 #include <filesystem>
 #include <string>
 
-namespace rosbag_tests {
+namespace mapping_common {
 
 /// The path of a recording that isn't part of the repository, empty if it isn't there. The folder of
 /// recordings is the environment variable TEST_DATA_DIR or else DEFAULT_TEST_DATA_DIR.
@@ -22,4 +22,4 @@ inline std::string withoutRecording(const std::string& name) {
   return "no recording " + name + ": it is neither in TEST_DATA_DIR nor in " + DEFAULT_TEST_DATA_DIR;
 }
 
-}  // namespace rosbag_tests
+}  // namespace mapping_common

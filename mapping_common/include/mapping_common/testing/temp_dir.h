@@ -10,13 +10,13 @@
 #include <stdexcept>
 #include <string>
 
-namespace rosbag_tests {
+namespace mapping_common {
 
 /// A folder for the files of one test.
 class TempDir {
  public:
   TempDir() {
-    std::string name = (std::filesystem::temp_directory_path() / "rosbag_tests_XXXXXX").string();
+    std::string name = (std::filesystem::temp_directory_path() / "mapping_XXXXXX").string();
     if (!mkdtemp(&name[0])) throw std::runtime_error("can't make " + name);
     path_ = name;
   }
@@ -58,4 +58,4 @@ inline testing::AssertionResult mentions(const std::string& message,
   return testing::AssertionSuccess();
 }
 
-}  // namespace rosbag_tests
+}  // namespace mapping_common

@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "mapping_common/parameters.h"
+
+#include <algorithm>
+#include <type_traits>
+
+namespace mapping_common {
+namespace {
+
+using XmlRpc::XmlRpcValue;
+
+template <class T>
+constexpr const char* typeName() {
+  if constexpr (std::is_same_v<T, bool>) return "true or false";
+  if constexpr (std::is_same_v<T, int>) return "an integer";
+  if constexpr (std::is_same_v<T, double>) return "a number";
+  return "a string";
+}
+
+template <class T>
+bool read(XmlRpcValue& from, T& to) {
+  constexpr auto type = std::is_same_v<T, bool>     ? XmlRpcValue::TypeBoolean
+                        : std::is_same_v<T, int>    ? XmlRpcValue::TypeInt
+                        : std::is_same_v<T, double> ? XmlRpcValue::TypeDouble
+                                                    : XmlRpcValue::TypeString;
+  if constexpr (std::is_same_v<T, double>) {
+    if (from.getType() == XmlRpcValue::TypeInt) {
+      to = static_cast<int&>(from);
+      return true;
+    }
+  }
+  if (from.getType() != type) return false;
+  to = static_cast<T&>(from);
+  return true;
+}
+
+template <class Names>
+std::string join(const Names& names, const std::string& before) {
+  std::string text;
+  for (const std::string& name : names) text += (text.empty() ? before : ", " + before) + name;
+  return text;
+}
+
+}  // namespace
+
+Parameters::Parameters(XmlRpcValue all) {
+  if (all.getType() == XmlRpcValue::TypeStruct) flatten("", all);
+}
+
+void Parameters::flatten(const std::string& prefix, XmlRpcValue& value) {
+  for (auto& [name, member] : value) {
+    if (member.getType() == XmlRpcValue::TypeStruct) {
+      flatten(prefix + name + '/', member);
+    } else {
+      values_[prefix + name] = member;
+    }
+  }
+}
+
+template <class T>
+T Parameters::get(const std::string& name, const T& fallback) {
+  names_.insert(name);
+  const auto found = values_.find(name);
+  if (found == values_.end()) return fallback;
+  T value;
+  if (!read(found->second, value)) {
+    rejectParameter(name, found->second, std::string("expected is ") + typeName<T>());
+  }
+  return value;
+}
+
+template <class T>
+T Parameters::get(const std::string& name, const T& fallback, const T& min, const T& max) {
+  const T value = get(name, fallback);
+  if (!(value >= min && value <= max)) {
+    std::ostringstream allowed;
+    allowed << "allowed is " << min << " to " << max;
+    rejectParameter(name, value, allowed.str());
+  }
+  return value;
+}
+
+std::string Parameters::choice(const std::string& name, const std::string& fallback,
+                               const std::vector<std::string>& allowed) {
+  const std::string value = get(name, fallback);
+  if (std::find(allowed.begin(), allowed.end(), value) == allowed.end()) {
+    rejectParameter(name, '\'' + value + '\'', "allowed is " + join(allowed, ""));
+  }
+  return value;
+}
+
+template bool Parameters::get(const std::string&, const bool&);
+template int Parameters::get(const std::string&, const int&);
+template double Parameters::get(const std::string&, const double&);
+template std::string Parameters::get(const std::string&, const std::string&);
+template int Parameters::get(const std::string&, const int&, const int&, const int&);
+template double Parameters::get(const std::string&, const double&, const double&, const double&);
+
+void Parameters::rejectUnknown(const std::vector<std::string>& except) const {
+  const auto expected = [&](const std::string& name) {
+    return names_.count(name) > 0 || std::any_of(except.begin(), except.end(), [&](const std::string& start) {
+             return name.compare(0, start.size(), start) == 0;
+           });
+  };
+  std::vector<std::string> unknown;
+  for (const auto& [name, value] : values_) {
+    if (!expected(name)) unknown.push_back(name);
+  }
+  if (!unknown.empty()) {
+    throw std::invalid_argument("unknown: " + join(unknown, "~") + "; the parameters are " +
+                                join(names_, "~"));
+  }
+}
+
+}  // namespace mapping_common
