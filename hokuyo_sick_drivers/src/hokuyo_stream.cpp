@@ -1,0 +1,161 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// How measuring starts, what becomes of scans, and what is done when they fail to come.
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include "hokuyo_sick_drivers/hokuyo.h"
+
+namespace hokuyo_sick_drivers {
+namespace {
+
+constexpr int kTimeoutPeriods = 16, kTimeoutPeriodsPerSkip = 2;
+constexpr Nanoseconds kErrorPause = kSecond / 2;
+constexpr Nanoseconds kFuture = 100 * kMillisecond;  // that a scan may seem to come from
+
+// Answers to a command that the device doesn't know or can't fulfil.
+bool isRefusal(std::string_view status) {
+  return status == "0C" || status == "0D" || status == "0E" || status == "0F" || status == "0H" ||
+         (status >= "01" && status <= "07");
+}
+
+}  // namespace
+
+void Hokuyo::prepareMeasuring(Nanoseconds now) {
+  HokuyoSettings settings = settings_;
+  settings.intensity = settings.intensity && !refuses_intensity_;
+  settings.multi_echo = settings.multi_echo && !refuses_multi_echo_;
+  try {
+    request_ = HokuyoRequest::make(settings, *geometry_);
+  } catch (const std::invalid_argument& e) {
+    say(Level::kError, std::string("Can't measure: ") + e.what());
+    return startAnew(e.what(), kErrorPause, now);
+  }
+  scan_ = describeScan(request_, *geometry_);
+  counter_.restart();
+  clock_.restart(geometry_->timeOf(request_.last));  // no ray leaves before it is measured
+  smoother_.restart(geometry_->period() * (request_.skip + 1));
+  last_stamp_.reset();
+  probes_ = bad_scans_ = 0;
+  ++futile_starts_;
+  enter(options_.synchronize_clock ? Step::kEnterTime : Step::kStart, now);
+}
+
+void Hokuyo::startReplied(std::string_view status, Nanoseconds now) {
+  if (status == "00") return enter(Step::kMeasuring, now);
+  if (!isRefusal(status)) {
+    count(status == "0M" ? HokuyoFault::kUnstable : HokuyoFault::kErrorStatus);
+    return startAnew("the device doesn't start, status " + std::string(status), kErrorPause, now);
+  }
+  count(HokuyoFault::kRefused);
+  const std::string refusal = "The device refuses " + command_ + " (status " + std::string(status) + ")";
+  if (request_.multi_echo) {
+    refuses_multi_echo_ = true;
+    say(Level::kWarning, refusal + ": measuring without multiple echoes until the next connection");
+  } else if (request_.intensity) {
+    refuses_intensity_ = true;
+    say(Level::kWarning, refusal + ": measuring without intensities until the next connection");
+  } else {
+    return startAnew(refusal, kErrorPause, now);
+  }
+  request_.multi_echo = request_.multi_echo && !refuses_multi_echo_;
+  request_.intensity = request_.intensity && !refuses_intensity_;
+  enter(Step::kStart, now);
+}
+
+void Hokuyo::measured(const scip::Message& message, Nanoseconds now) {
+  if (message.echo() != command_) {
+    count(HokuyoFault::kForeign);
+    return badScan(now);
+  }
+  const std::string_view status = message.status();
+  if (status == "99") {
+    if (!takeScan(message)) return badScan(now);
+    bad_scans_ = restarts_ = futile_starts_ = unanswered_probes_ = 0;
+    ++scans_;
+    deadline_ = now + scanTimeout();
+    events_.scan(scan_);
+  } else if (status.empty()) {
+    count(HokuyoFault::kSum);
+    badScan(now);
+  } else if (status == "0M") {
+    count(HokuyoFault::kUnstable);
+    deadline_ = now + scanTimeout();
+  } else if (status != "00" && status != "98") {  // 00 may come twice, after a repeated command
+    count(HokuyoFault::kErrorStatus);
+    startAnew("the device reports status " + std::string(status), kErrorPause, now);
+  }
+}
+
+void Hokuyo::badScan(Nanoseconds now) {
+  if (++bad_scans_ >= options_.error_limit)
+    startAnew(std::to_string(bad_scans_) + " bad scans in a row", 0, now);
+}
+
+bool Hokuyo::takeScan(const scip::Message& message) {
+  if (message.lines.size() < 4) {
+    count(HokuyoFault::kLength);
+    return false;
+  }
+  const scip::Rows rows = scip::joinRows(message.lines, 3);
+  if (rows.fault != scip::Rows::Fault::kNone) {
+    count(rows.fault == scip::Rows::Fault::kSum ? HokuyoFault::kSum : HokuyoFault::kLength);
+    return false;
+  }
+  if (!decodeScan(rows.characters, request_, *geometry_, scan_)) {
+    count(HokuyoFault::kLength);
+    return false;
+  }
+  return takeStamp(message.lines[2], message.begun, scan_);
+}
+
+// The device stamps the moment at which step 0 is passed.
+bool Hokuyo::takeStamp(std::string_view line, Nanoseconds arrival, HokuyoScan& scan) {
+  const auto digits = scip::checked(line);
+  const auto value = digits && digits->size() == 4 ? scip::decode(*digits) : std::nullopt;
+  if (!value) {
+    count(HokuyoFault::kSum);
+    return false;
+  }
+  CounterUnwrapper counter = counter_;
+  const Nanoseconds stamp = counter.unwrap(*value) * kMillisecond;
+  const bool is_past = last_stamp_ && stamp <= *last_stamp_;
+  if (is_past || (clock_.known() && clock_.estimate(stamp) > arrival + kFuture)) {
+    count(HokuyoFault::kStamp);
+    if (bad_scans_ + 1 >= options_.error_limit) count(HokuyoFault::kClockRestart);
+    return false;
+  }
+  counter_ = counter;
+  if (last_stamp_) {
+    const Nanoseconds interval = geometry_->period() * (request_.skip + 1);
+    const Nanoseconds intervals = (stamp - *last_stamp_ + interval / 2) / interval;
+    if (intervals > 1) count(HokuyoFault::kLostScan, static_cast<std::uint64_t>(intervals - 1));
+  }
+  last_stamp_ = stamp;
+  const Nanoseconds time = smoother_.smooth(stamp);
+  clock_.addArrival(time, arrival);
+  scan.stamp = clock_.toHost(time) + geometry_->timeOf(request_.step(0));
+  latency_ = arrival - scan.stamp;
+  return true;
+}
+
+// Stops and starts the measuring; where that didn't help the last times, the port is opened anew.
+void Hokuyo::startAnew(const std::string& why, Nanoseconds pause, Nanoseconds now) {
+  count(HokuyoFault::kRestart);
+  if (++restarts_ > options_.error_limit) return giveUp(why, now);
+  say(Level::kWarning, "Measuring starts anew: " + why);
+  if (pause == 0) return enter(Step::kStop, now);
+  enter(Step::kPause, now);
+  deadline_ = now + pause;
+}
+
+Nanoseconds Hokuyo::scanTimeout() const {
+  return geometry_->period() * (kTimeoutPeriods + (kTimeoutPeriodsPerSkip + 1) * request_.skip);
+}
+
+void Hokuyo::count(HokuyoFault fault, std::uint64_t number) {
+  faults_[static_cast<std::size_t>(fault)] += number;
+}
+
+}  // namespace hokuyo_sick_drivers

@@ -1,0 +1,384 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// Publishes the scans of a Hokuyo. The dialogue with the device, and the publishing, happen in the
+// connection's thread; services, reconfiguration and diagnostics ask that thread.
+#include <diagnostic_updater/diagnostic_updater.h>
+#include <dynamic_reconfigure/server.h>
+#include <hokuyo_sick_drivers/HokuyoConfig.h>
+#include <nodelet/nodelet.h>
+#include <ros/ros.h>
+#include <sensor_msgs/LaserScan.h>
+#include <sensor_msgs/MultiEchoLaserScan.h>
+#include <std_srvs/Trigger.h>
+
+#include <chrono>
+#include <cmath>
+#include <deque>
+#include <future>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <pluginlib/class_list_macros.hpp>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "hokuyo_sick_drivers/connection.h"
+#include "hokuyo_sick_drivers/hokuyo.h"
+#include "mapping_common/parameters.h"
+
+namespace hokuyo_sick_drivers {
+namespace {
+
+const std::vector<int> kBaudRates = {19200, 38400, 57600, 115200, 250000, 500000, 750000};
+constexpr std::size_t kQueueSize = 20;
+constexpr Nanoseconds kSayAgain = 30 * kSecond;
+constexpr std::chrono::seconds kAnswerTimeout(2);
+const ros::WallDuration kStatusTimeout(5.0);
+
+HokuyoSettings toSettings(const HokuyoConfig& config) {
+  HokuyoSettings settings;
+  settings.angle_min = config.angle_min;
+  settings.angle_max = config.angle_max;
+  settings.cluster = config.cluster;
+  settings.skip = config.skip;
+  settings.intensity = config.publish_intensity;
+  settings.multi_echo = config.publish_multiecho;
+  return settings;
+}
+
+// ROS time of a time of the steady clock that is a moment ago, ns; 0 or less before simulated time has begun.
+std::int64_t toRosTime(Nanoseconds steady) {
+  Nanoseconds shortest = kNever;
+  std::int64_t time = 0;
+  for (int i = 0; i < 3; ++i) {  // the thread may be put aside between two clocks
+    const Nanoseconds before = Connection::now();
+    const auto now = static_cast<std::int64_t>(ros::Time::now().toNSec());
+    const Nanoseconds after = Connection::now();
+    if (after - before >= shortest) continue;
+    shortest = after - before;
+    time = now - ((before + after) / 2 - steady);
+  }
+  return time;
+}
+
+template <class Message>
+boost::shared_ptr<Message> makeMessage(const HokuyoScan& scan, const std_msgs::Header& header) {
+  auto message = boost::make_shared<Message>();
+  message->header = header;
+  message->angle_min = static_cast<float>(scan.angle_min);
+  message->angle_max = static_cast<float>(scan.angle_max);
+  message->angle_increment = static_cast<float>(scan.angle_increment);
+  message->time_increment = static_cast<float>(scan.time_increment);
+  message->scan_time = static_cast<float>(scan.scan_time);
+  message->range_min = static_cast<float>(scan.range_min);
+  message->range_max = static_cast<float>(scan.range_max);
+  return message;
+}
+
+sensor_msgs::LaserScanPtr toMessage(const HokuyoScan& scan, Echo echo, const std_msgs::Header& header) {
+  auto message = makeMessage<sensor_msgs::LaserScan>(scan, header);
+  selectEchoes(scan, echo, message->ranges, message->intensities);
+  return message;
+}
+
+sensor_msgs::MultiEchoLaserScanPtr toMessage(const HokuyoScan& scan, const std_msgs::Header& header) {
+  auto message = makeMessage<sensor_msgs::MultiEchoLaserScan>(scan, header);
+  message->ranges.resize(scan.rays());
+  message->intensities.resize(scan.intensities.empty() ? 0 : scan.rays());
+  for (std::size_t ray = 0; ray < scan.rays(); ++ray) {
+    const auto begin = scan.first_echo[ray], end = scan.first_echo[ray + 1];
+    message->ranges[ray].echoes.assign(scan.ranges.begin() + begin, scan.ranges.begin() + end);
+    if (scan.intensities.empty()) continue;
+    message->intensities[ray].echoes.assign(scan.intensities.begin() + begin, scan.intensities.begin() + end);
+  }
+  return message;
+}
+
+}  // namespace
+
+class HokuyoNodelet : public nodelet::Nodelet {
+ private:
+  void onInit() override;
+  void start();
+  Endpoint readParameters(mapping_common::Parameters& parameters, Hokuyo::Options& options);
+
+  void publish(const HokuyoScan& scan);
+  void say(Hokuyo::Level level, const std::string& text);
+
+  template <class Work>
+  auto ask(Work work);
+  void reconfigure(HokuyoConfig& config);
+  bool updateStatus(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response);
+  void diagnose();
+  void diagnoseDevice(diagnostic_updater::DiagnosticStatusWrapper& status);
+  void diagnoseScans(diagnostic_updater::DiagnosticStatusWrapper& status);
+
+  Endpoint endpoint_;
+  double tolerance_ = 0.0, window_ = 0.0;  // of the scans' rate
+
+  ros::Publisher scan_publisher_, echoes_publisher_;
+  std::map<Echo, ros::Publisher> echo_publishers_;
+  std::map<std::string, Nanoseconds> said_;
+
+  std::mutex config_mutex_;
+  HokuyoConfig config_;
+  boost::recursive_mutex reconfigure_mutex_;
+  std::unique_ptr<dynamic_reconfigure::Server<HokuyoConfig>> reconfigure_server_;
+  ros::ServiceServer status_service_;
+
+  std::unique_ptr<diagnostic_updater::Updater> diagnostics_;
+  ros::WallTimer diagnostics_timer_;
+  Hokuyo::Status status_;
+  std::string unreachable_;  // why there is no newer status
+  HokuyoFaults reported_faults_{};
+  std::deque<std::pair<ros::WallTime, std::uint64_t>> scan_counts_;
+
+  std::unique_ptr<Hokuyo> hokuyo_;
+  std::unique_ptr<Connection> connection_;  // gone first
+};
+
+void HokuyoNodelet::onInit() {
+  try {
+    start();
+  } catch (const std::exception& e) {
+    NODELET_FATAL_STREAM("Not started: " << e.what());
+    throw;  // the manager then reports that the nodelet could not be loaded
+  }
+}
+
+void HokuyoNodelet::start() {
+  ros::NodeHandle& node = getNodeHandle();
+  ros::NodeHandle& private_node = getPrivateNodeHandle();
+  XmlRpc::XmlRpcValue values;
+  private_node.getParam(private_node.getNamespace(), values);
+  mapping_common::Parameters parameters(values);
+  Hokuyo::Options options;
+  endpoint_ = readParameters(parameters, options);
+  parameters.rejectUnknown();
+
+  scan_publisher_ = node.advertise<sensor_msgs::LaserScan>("scan", kQueueSize);
+  echoes_publisher_ = node.advertise<sensor_msgs::MultiEchoLaserScan>("echoes", kQueueSize);
+  echo_publishers_[Echo::kFirst] = node.advertise<sensor_msgs::LaserScan>("first", kQueueSize);
+  echo_publishers_[Echo::kLast] = node.advertise<sensor_msgs::LaserScan>("last", kQueueSize);
+  echo_publishers_[Echo::kMostIntense] = node.advertise<sensor_msgs::LaserScan>("most_intense", kQueueSize);
+
+  hokuyo_ = std::make_unique<Hokuyo>(
+      options, toSettings(config_),
+      Hokuyo::Events{[this](const HokuyoScan& scan) { publish(scan); },
+                     [this](Hokuyo::Level level, const std::string& text) { say(level, text); }});
+  using Level = Hokuyo::Level;
+  connection_ = std::make_unique<Connection>(
+      endpoint_, *hokuyo_,
+      Connection::Events{[this] { say(Level::kInfo, "Connected to " + endpoint_.name()); },
+                         [this](const std::string& why) { say(Level::kWarning, "Connection lost: " + why); },
+                         [this](const std::string& why) { say(Level::kWarning, "No connection: " + why); }});
+
+  reconfigure_server_ =
+      std::make_unique<dynamic_reconfigure::Server<HokuyoConfig>>(reconfigure_mutex_, private_node);
+  reconfigure_server_->updateConfig(config_);
+  reconfigure_server_->setCallback([this](HokuyoConfig& config, std::uint32_t) { reconfigure(config); });
+  status_service_ = node.advertiseService("update_laser_status", &HokuyoNodelet::updateStatus, this);
+
+  diagnostics_ = std::make_unique<diagnostic_updater::Updater>(node, private_node, getName());
+  diagnostics_->setHardwareID(endpoint_.name());
+  diagnostics_->add("Hardware Status", this, &HokuyoNodelet::diagnoseDevice);
+  diagnostics_->add("Scans", this, &HokuyoNodelet::diagnoseScans);
+  diagnostics_timer_ =
+      node.createWallTimer(ros::WallDuration(1.0), [this](const ros::WallTimerEvent&) { diagnose(); });
+}
+
+Endpoint HokuyoNodelet::readParameters(mapping_common::Parameters& parameters, Hokuyo::Options& options) {
+  Endpoint endpoint;
+  endpoint.host = parameters.get<std::string>("ip_address", "");
+  endpoint.tcp_port = parameters.get("ip_port", 10940, 1, 65535);
+  endpoint.device = parameters.get<std::string>("serial_port", "/dev/ttyACM0");
+  endpoint.baud_rate = parameters.get("serial_baud", 115200, 9600, 4000000);
+  const bool detect_baud = parameters.get("detect_baud", true);
+  if (endpoint.host.empty()) {
+    options.baud_rates = {endpoint.baud_rate};
+    for (const int rate : kBaudRates) {
+      if (detect_baud && rate != endpoint.baud_rate) options.baud_rates.push_back(rate);
+    }
+  }
+  const bool calibrate = parameters.get("calibrate_time", true);
+  options.synchronize_clock = parameters.get("synchronize_time", false) || calibrate;
+  options.reset = parameters.get("reset_device", false);
+  options.error_limit = parameters.get("error_limit", 4, 1, 1000);
+  tolerance_ = parameters.get("diagnostics_tolerance", 0.05, 0.0, 1.0);
+  window_ = parameters.get("diagnostics_window_time", 5.0, 1.0, 3600.0);
+
+  config_.angle_min = parameters.get("angle_min", -M_PI, -M_PI, M_PI);
+  config_.angle_max = parameters.get("angle_max", M_PI, -M_PI, M_PI);
+  config_.cluster = parameters.get("cluster", 1, 1, 99);
+  config_.skip = parameters.get("skip", 0, 0, 9);
+  config_.publish_intensity = parameters.get("publish_intensity", true);
+  config_.publish_multiecho = parameters.get("publish_multiecho", false);
+  config_.frame_id = parameters.get<std::string>("frame_id", "laser");
+  config_.time_offset = parameters.get("time_offset", 0.0, -10.0, 10.0);
+  if (config_.angle_min >= config_.angle_max) {
+    mapping_common::rejectParameter("angle_min", config_.angle_min, "allowed is less than angle_max");
+  }
+  return endpoint;
+}
+
+// ------------------------------------------------------------------------------- in the connection's thread
+
+void HokuyoNodelet::publish(const HokuyoScan& scan) {
+  std_msgs::Header header;
+  std::int64_t stamp = toRosTime(scan.stamp);
+  {
+    const std::lock_guard<std::mutex> lock(config_mutex_);
+    header.frame_id = config_.frame_id;
+    stamp += std::llround(1e9 * config_.time_offset);
+  }
+  if (stamp <= 0) {
+    NODELET_WARN_THROTTLE(10.0, "Scans are dropped until simulated time begins");
+    return;
+  }
+  header.stamp.fromNSec(static_cast<std::uint64_t>(stamp));
+  if (scan_publisher_.getNumSubscribers() > 0) scan_publisher_.publish(toMessage(scan, Echo::kFirst, header));
+  if (echoes_publisher_.getNumSubscribers() > 0) echoes_publisher_.publish(toMessage(scan, header));
+  for (const auto& [echo, publisher] : echo_publishers_) {
+    if (publisher.getNumSubscribers() > 0) publisher.publish(toMessage(scan, echo, header));
+  }
+}
+
+// The same again only after a while.
+void HokuyoNodelet::say(Hokuyo::Level level, const std::string& text) {
+  const Nanoseconds now = Connection::now();
+  const auto said = said_.find(text);
+  if (said != said_.end() && now - said->second < kSayAgain) return;
+  said_[text] = now;
+  switch (level) {
+    case Hokuyo::Level::kInfo:
+      NODELET_INFO_STREAM(text);
+      break;
+    case Hokuyo::Level::kWarning:
+      NODELET_WARN_STREAM(text);
+      break;
+    case Hokuyo::Level::kError:
+      NODELET_ERROR_STREAM(text);
+      break;
+  }
+}
+
+// ------------------------------------------------------------------------------------ in ROS's threads
+
+// What `work` returns, or throws, in the connection's thread.
+template <class Work>
+auto HokuyoNodelet::ask(Work work) {
+  using Task = std::packaged_task<std::invoke_result_t<Work, Nanoseconds>(Nanoseconds)>;
+  const auto task = std::make_shared<Task>(std::move(work));
+  auto answer = task->get_future();
+  connection_->post([task](Nanoseconds now) { (*task)(now); });
+  if (answer.wait_for(kAnswerTimeout) != std::future_status::ready) {
+    throw std::runtime_error("opening " + endpoint_.name() + " takes its time");
+  }
+  return answer.get();
+}
+
+void HokuyoNodelet::reconfigure(HokuyoConfig& config) {
+  try {
+    ask([this, settings = toSettings(config)](Nanoseconds now) { hokuyo_->configure(settings, now); });
+    const std::lock_guard<std::mutex> lock(config_mutex_);
+    config_ = config;
+  } catch (const std::exception& e) {
+    NODELET_ERROR_STREAM("Reconfiguration rejected: " << e.what());
+    config = config_;
+  }
+}
+
+bool HokuyoNodelet::updateStatus(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
+  try {
+    ask([this](Nanoseconds now) { hokuyo_->updateStatus(now); });
+    const ros::WallTime end = ros::WallTime::now() + kStatusTimeout;
+    while (ros::ok() && !response.success && ros::WallTime::now() < end) {
+      ros::WallDuration(0.02).sleep();
+      const Hokuyo::Status status = ask([this](Nanoseconds) { return hokuyo_->status(); });
+      const auto state = status.info.find("STAT");
+      response.success = status.measuring && state != status.info.end();
+      response.message = response.success ? state->second : status.activity;
+    }
+  } catch (const std::exception& e) {
+    response.message = e.what();
+  }
+  return true;
+}
+
+void HokuyoNodelet::diagnose() {
+  try {
+    status_ = ask([this](Nanoseconds) { return hokuyo_->status(); });
+    unreachable_.clear();
+  } catch (const std::exception& e) {
+    unreachable_ = e.what();
+  }
+  const ros::WallTime now = ros::WallTime::now();
+  scan_counts_.emplace_back(now, status_.scans);
+  while ((now - scan_counts_.front().first).toSec() > window_ + 0.5) scan_counts_.pop_front();
+  diagnostics_->force_update();
+  reported_faults_ = status_.faults;
+}
+
+void HokuyoNodelet::diagnoseDevice(diagnostic_updater::DiagnosticStatusWrapper& status) {
+  using diagnostic_msgs::DiagnosticStatus;
+  std::string faults;
+  for (std::size_t i = 0; i < status_.faults.size(); ++i) {
+    const std::uint64_t count = status_.faults[i] - reported_faults_[i];
+    if (count == 0) continue;
+    if (!faults.empty()) faults += ", ";
+    faults += std::to_string(count) + " " + name(static_cast<HokuyoFault>(i));
+  }
+  if (!unreachable_.empty()) {
+    status.summary(DiagnosticStatus::ERROR, unreachable_);
+  } else if (!status_.measuring) {
+    status.summary(DiagnosticStatus::ERROR, "Not measuring: " + status_.activity);
+  } else if (!faults.empty()) {
+    status.summary(DiagnosticStatus::WARN, "Since the last report: " + faults);
+  } else {
+    status.summary(DiagnosticStatus::OK, "Measuring");
+  }
+  status.add("Port", endpoint_.name());
+  if (endpoint_.host.empty()) status.add("Baud rate", status_.baud_rate);
+  const std::vector<std::pair<std::string, std::string>> info = {
+      {"Vendor Name", "VEND"},      {"Product Name", "PROD"}, {"Firmware Version", "FIRM"},
+      {"Protocol Version", "PROT"}, {"Device ID", "SERI"},    {"Device Status", "STAT"}};
+  for (const auto& [label, key] : info) {
+    const auto found = status_.info.find(key);
+    status.add(label, found != status_.info.end() ? found->second : "unknown");
+  }
+  status.addf("Computed Latency", "%.6f", 1e-9 * static_cast<double>(status_.latency));
+  status.add("User Time Offset", config_.time_offset);
+  status.addf("Clock drift (ppm)", "%.1f", -1e6 * status_.clock_drift);
+  for (std::size_t i = 0; i < status_.faults.size(); ++i) {
+    status.add(std::string("Count: ") + name(static_cast<HokuyoFault>(i)), status_.faults[i]);
+  }
+}
+
+void HokuyoNodelet::diagnoseScans(diagnostic_updater::DiagnosticStatusWrapper& status) {
+  using diagnostic_msgs::DiagnosticStatus;
+  const auto& [begin, first_count] = scan_counts_.front();
+  const auto& [end, last_count] = scan_counts_.back();
+  const double seconds = (end - begin).toSec();
+  const double rate = seconds > 0.0 ? static_cast<double>(last_count - first_count) / seconds : 0.0;
+  const double expected =
+      status_.geometry ? 1e9 / static_cast<double>(status_.geometry->period() * (status_.settings.skip + 1))
+                       : 0.0;
+  if (last_count == first_count) {
+    status.summary(DiagnosticStatus::ERROR, "No scans");
+  } else if (std::abs(rate - expected) > tolerance_ * expected) {
+    status.summary(DiagnosticStatus::WARN, "Rate not as expected");
+  } else {
+    status.summary(DiagnosticStatus::OK, "Rate as expected");
+  }
+  status.addf("Rate (Hz)", "%.2f", rate);
+  status.addf("Expected rate (Hz)", "%.2f", expected);
+  status.add("Scans", status_.scans);
+  status.add("Intensities", status_.settings.intensity);
+  status.add("Multiple echoes", status_.settings.multi_echo);
+}
+
+}  // namespace hokuyo_sick_drivers
+
+PLUGINLIB_EXPORT_CLASS(hokuyo_sick_drivers::HokuyoNodelet, nodelet::Nodelet)
