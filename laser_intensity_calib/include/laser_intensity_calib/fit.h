@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// Fits the models to observations of the reference surface, and tells how well they do and what is missing.
+#pragma once
+
+#include <laser_intensity_calib/models.h>
+
+#include <functional>
+#include <string>
+#include <vector>
+
+namespace laser_intensity_calib {
+
+/// One beam on the reference surface.
+struct Sample {
+  float range;      ///< m
+  float incidence;  ///< rad
+  float intensity;  ///< as the scanner gives it
+  int scan;         ///< number of its scan, from 0
+};
+
+struct FitOptions {
+  double range_cell = 0.1;                     ///< m, samples are summed up in cells of this size ...
+  double incidence_cell = 2.0 * M_PI / 180.0;  ///< rad, ... and this; the axes of the triangulation in cells
+  int min_samples = 5;                         ///< of a cell; those with fewer are left out
+  double max_edge = 0.0;                       ///< cells, longer triangles have no value; 0: no limit
+  double range_step = 0.05;                    ///< m, of the table
+  double incidence_step = 1.0 * M_PI / 180.0;  ///< rad, of the table
+  double normal_incidence = 15.0 * M_PI / 180.0;  ///< rad, the polynomial is fitted to samples up to this
+  int max_degree = 8;  ///< of the polynomial; the best by cross-validation is taken
+  int folds = 5;       ///< of the cross-validation
+
+  /// @throws std::invalid_argument that names the option and what is allowed
+  void validate() const;
+};
+
+/// What the samples of a cell of range and angle come to.
+struct Cell {
+  double range, incidence, intensity;  ///< m, rad: means; median
+  double spread;                       ///< of the intensity: 1.48 median absolute deviations
+  int samples;
+};
+
+/// Cells with enough samples, sorted by range, then angle. Samples that aren't finite, or whose range or
+/// intensity isn't positive, are left out.
+std::vector<Cell> sumUp(const std::vector<Sample>& samples, const FitOptions& options);
+
+/// Least squares over the medians of intensity at near normal incidence.
+/// @throws std::invalid_argument if there are too few samples, or the result isn't positive
+RangePolynomial fitPolynomial(const std::vector<Sample>& samples, int degree, const FitOptions& options);
+
+/// Delaunay triangulation over (r, alpha), linear inside of the triangles, sampled at the nodes of a table.
+/// As f doesn't depend on the side that the beam comes from, f(r, -alpha) = f(r, alpha) closes it at alpha =
+/// 0.
+/// @throws std::invalid_argument if the cells are on a line
+LookupTable fitTable(const std::vector<Cell>& cells, const FitOptions& options);
+
+/// All three models, of all samples; residuals by cross-validation, which leaves out whole runs of scans. A
+/// model that the samples don't support is left out, unless it is both the polynomial and the table.
+/// @param problems gets a sentence for a model left out
+/// @param progress is given the share done, [0, 1]
+/// @throws std::invalid_argument that says what is missing
+Calibration calibrate(const std::vector<Sample>& samples, const FitOptions& options,
+                      std::vector<std::string>* problems = nullptr,
+                      const std::function<void(double)>& progress = {});
+
+/// Of the samples in `samples` that the model covers.
+Residuals residualsOf(const Calibration& calibration, ModelType type, const std::vector<Sample>& samples);
+
+/// Ranges and angles that a table interpolates across without samples.
+struct Coverage {
+  double observed = 0.0;            ///< share of the cells inside of the table that have enough samples
+  std::vector<std::string> advice;  ///< sentences: what is thin, and where to look
+  std::string map;                  ///< text, rows of angles over columns of ranges
+};
+Coverage coverageOf(const std::vector<Cell>& cells, const LookupTable& table, const FitOptions& options);
+
+}  // namespace laser_intensity_calib

@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// The angle of incidence alpha between a beam and the normal of the surface that it meets (thesis, 3.3.1).
+// The normal is the eigenvector of the smallest eigenvalue of the covariance of the neighbouring points.
+// Where the neighbours don't tell it well enough, alpha is NaN.
+#pragma once
+
+#include <Eigen/Core>
+#include <cmath>
+
+namespace laser_intensity_calib {
+
+struct ScanIncidenceOptions {
+  int min_window = 7;       ///< beams that a normal is estimated from, at least (>= 3) ...
+  double min_length = 0.2;  ///< m, ... and more where they are closer than this together: r dphi (n - 1)
+  double max_incidence =
+      85.0 * M_PI / 180.0;    ///< rad, neighbours on a steeper surface are taken to be on two
+  double range_noise = 0.02;  ///< m, standard deviation; a beam 3 times this off its surface is on none
+  double max_error = 5.0 * M_PI / 180.0;  ///< rad, NaN where the standard error of alpha is larger
+
+  /// @throws std::invalid_argument that names the option and what is allowed
+  void validate() const;
+};
+
+/// Incidence angles of planar scans, in O(n) for n beams: each beam gets the best of the windows that end,
+/// are centred or begin at it, so that the two sides of a corner are kept apart.
+class ScanIncidence {
+ public:
+  explicit ScanIncidence(const ScanIncidenceOptions& options = ScanIncidenceOptions());
+
+  /// The surface's normal is taken to lie in the plane of the scan (upright walls for a level scanner).
+  /// @param ranges m; what isn't finite and positive is no return
+  /// @param angle_increment rad between neighbouring beams, not 0
+  /// @return rad, [0, pi/2] for each beam, or NaN
+  const Eigen::ArrayXf& estimate(const Eigen::Ref<const Eigen::ArrayXf>& ranges, double angle_min,
+                                 double angle_increment);
+
+ private:
+  void findSegments(const Eigen::Ref<const Eigen::ArrayXf>& ranges, double angle_min, double angle_increment);
+
+  ScanIncidenceOptions options_;
+  double angle_min_ = 0.0, angle_increment_ = 0.0;
+  Eigen::Array2Xd directions_, points_;
+  Eigen::Array<double, 5, Eigen::Dynamic> sums_;  // of x y xx yy xy over the beams before, n + 1 columns
+  Eigen::ArrayXi begin_, end_;                    // segment of each beam; empty without a return
+  Eigen::ArrayXf incidence_;
+};
+
+struct CloudIncidenceOptions {
+  int neighbors = 12;   ///< nearest points that a normal is estimated from (>= 4)
+  double radius = 0.5;  ///< m, those farther away are left out
+  double leaf = 0.0;    ///< m, > 0: neighbours are the means of the points in voxels of this edge, so that
+                        ///< the close points of one ring of a lidar aren't all there is; 0: the points
+  int rows = 1;         ///< of an organised cloud, to each side: neighbours are taken from these ...
+  int columns = 3;      ///< ... rows and columns, which is faster than a search; rows 0: search all the same
+  double max_error = 5.0 * M_PI / 180.0;  ///< rad, NaN where the standard error of the normal is larger
+
+  /// @throws std::invalid_argument that names the option and what is allowed
+  void validate() const;
+};
+
+/// Incidence angles of a cloud, whatever its order: of a single scan, or accumulated by a scanner that moves
+/// (push-broom), where each point needs the place that it was seen from.
+/// @param points m, one column each; those not finite get NaN
+/// @param viewpoints where the sensor was, in the frame of the points: a column for each point, or one for
+/// all
+/// @return rad, [0, pi/2] for each point, or NaN
+/// @throws std::invalid_argument if there are neither one nor as many viewpoints as points, or no whole rows
+Eigen::ArrayXf cloudIncidence(const Eigen::Matrix3Xf& points, const Eigen::Matrix3Xf& viewpoints,
+                              const CloudIncidenceOptions& options = CloudIncidenceOptions(),
+                              Eigen::Index width = 0);
+
+/// Lengths (m) of the beams to the points; arguments and errors as above.
+Eigen::ArrayXf cloudRanges(const Eigen::Matrix3Xf& points, const Eigen::Matrix3Xf& viewpoints);
+
+}  // namespace laser_intensity_calib

@@ -1,0 +1,224 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// Turns the intensities of scans and clouds into reflectivities, message by message. Everything happens in
+// the nodelet's single-threaded callback queue, so that nothing here needs a lock; nothing depends on time.
+#include <diagnostic_updater/diagnostic_updater.h>
+#include <dynamic_reconfigure/server.h>
+#include <laser_intensity_calib/ReflectivityConfig.h>
+#include <nodelet/nodelet.h>
+#include <ros/ros.h>
+#include <std_srvs/Trigger.h>
+
+#include <algorithm>
+#include <memory>
+#include <pluginlib/class_list_macros.hpp>
+#include <string>
+
+#include "laser_intensity_calib/ros/conversions.h"
+#include "laser_intensity_calib/ros/parameters.h"
+
+namespace laser_intensity_calib {
+
+class ReflectivityNodelet : public nodelet::Nodelet {
+ private:
+  void onInit() override;
+  void start();
+
+  void scanArrived(const sensor_msgs::LaserScan::ConstPtr& scan);
+  void cloudArrived(const sensor_msgs::PointCloud2::ConstPtr& cloud);
+  template <class Work>
+  void process(const char* kind, std::size_t& received, const Work& work);
+
+  void use(const std::string& file, ModelType model);
+  bool reload(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response);
+  void reconfigure(ReflectivityConfig& config, std::uint32_t);
+  void diagnose(diagnostic_updater::DiagnosticStatusWrapper& status);
+
+  ReflectivityParameters parameters_;
+  Calibration calibration_;
+  ScanIncidence scan_incidence_;
+
+  ros::Subscriber scans_, clouds_;
+  ros::Publisher scan_publisher_, cloud_publisher_;
+  ros::ServiceServer reload_;
+  ros::WallTimer timer_;
+  boost::recursive_mutex reconfigure_mutex_;
+  std::unique_ptr<dynamic_reconfigure::Server<ReflectivityConfig>> reconfigure_server_;
+  std::unique_ptr<diagnostic_updater::Updater> diagnostics_;
+
+  ReflectivityCounts counts_;
+  std::size_t dropped_ = 0;  // messages
+  // Since the last diagnostics.
+  std::size_t received_scans_ = 0, received_clouds_ = 0, processed_ = 0, drops_ = 0, valid_before_ = 0;
+  double time_ = 0.0, longest_ = 0.0;  // s
+  ros::WallTime last_diagnostics_;
+};
+
+void ReflectivityNodelet::onInit() {
+  try {
+    start();
+  } catch (const std::exception& e) {
+    NODELET_FATAL_STREAM("Not started: " << e.what());
+    throw;  // the manager then reports that the nodelet could not be loaded
+  }
+}
+
+void ReflectivityNodelet::start() {
+  ros::NodeHandle& node = getNodeHandle();
+  ros::NodeHandle& private_node = getPrivateNodeHandle();
+  XmlRpc::XmlRpcValue values;
+  private_node.getParam(private_node.getNamespace(), values);
+  mapping_common::Parameters reader(values);
+  parameters_ = readReflectivityParameters(reader);
+  reader.rejectUnknown({"reconfigure/"});
+  scan_incidence_ = ScanIncidence(parameters_.scan);
+  use(parameters_.calibration_file, parameters_.model);
+
+  ReflectivityConfig config;
+  config.calibration_file = parameters_.calibration_file;
+  config.model = toString(parameters_.model);
+  config.outside = toString(parameters_.outside);
+  reconfigure_server_ = std::make_unique<dynamic_reconfigure::Server<ReflectivityConfig>>(
+      reconfigure_mutex_, ros::NodeHandle(private_node, "reconfigure"));
+  reconfigure_server_->updateConfig(config);
+  reconfigure_server_->setCallback(
+      [this](ReflectivityConfig& changed, std::uint32_t level) { reconfigure(changed, level); });
+
+  scan_publisher_ = node.advertise<sensor_msgs::LaserScan>("scan_reflectivity", parameters_.queue_size);
+  cloud_publisher_ = node.advertise<sensor_msgs::PointCloud2>("cloud_reflectivity", parameters_.queue_size);
+  scans_ = node.subscribe("scan", parameters_.queue_size, &ReflectivityNodelet::scanArrived, this);
+  clouds_ = node.subscribe("cloud", parameters_.queue_size, &ReflectivityNodelet::cloudArrived, this);
+  reload_ = private_node.advertiseService("reload", &ReflectivityNodelet::reload, this);
+
+  diagnostics_ = std::make_unique<diagnostic_updater::Updater>(node, private_node, getName());
+  diagnostics_->setHardwareID(calibration_.scanner.empty() ? "none" : calibration_.scanner);
+  diagnostics_->add("Reflectivity", this, &ReflectivityNodelet::diagnose);
+  last_diagnostics_ = ros::WallTime::now();
+  // Wall time: reported while a bag is paused, too.
+  timer_ = node.createWallTimer(ros::WallDuration(1.0),
+                                [this](const ros::WallTimerEvent&) { diagnostics_->force_update(); });
+}
+
+// State changes only after the file was read and fits.
+void ReflectivityNodelet::use(const std::string& file, ModelType model) {
+  calibration_ = loadFor(model, file);
+  parameters_.calibration_file = file;
+  parameters_.model = model;
+  NODELET_INFO_STREAM("Model " << toString(model) << (file.empty() ? ", uncalibrated" : " of " + file)
+                               << (file.empty() ? ""
+                                                : ": scanner " + calibration_.scanner + ", reference " +
+                                                      calibration_.reference));
+}
+
+template <class Work>
+void ReflectivityNodelet::process(const char* kind, std::size_t& received, const Work& work) {
+  ++received;
+  const ros::WallTime start = ros::WallTime::now();
+  try {
+    work();
+  } catch (const std::invalid_argument& e) {
+    ++dropped_;
+    ++drops_;
+    NODELET_WARN_STREAM_THROTTLE(5.0, "Dropped a " << kind << ": " << e.what() << ". So far: " << dropped_);
+    return;
+  }
+  const double time = (ros::WallTime::now() - start).toSec();
+  ++processed_;
+  time_ += time;
+  longest_ = std::max(longest_, time);
+}
+
+void ReflectivityNodelet::scanArrived(const sensor_msgs::LaserScan::ConstPtr& scan) {
+  process("scan", received_scans_, [&] {
+    if (scan->ranges.empty()) throw std::invalid_argument("it is empty");
+    const ScanArrays arrays = readScan(*scan);
+    const Eigen::ArrayXf& incidence =
+        scan_incidence_.estimate(arrays.ranges, scan->angle_min, scan->angle_increment);
+    const Eigen::ArrayXf result = reflectivity(calibration_, parameters_.model, parameters_.outside,
+                                               arrays.ranges, incidence, arrays.intensities, &counts_);
+    const auto message = boost::make_shared<sensor_msgs::LaserScan>(*scan);
+    message->intensities.assign(result.data(), result.data() + result.size());
+    scan_publisher_.publish(message);
+  });
+}
+
+void ReflectivityNodelet::cloudArrived(const sensor_msgs::PointCloud2::ConstPtr& cloud) {
+  process("cloud", received_clouds_, [&] {
+    if (cloud->width == 0 || cloud->height == 0) throw std::invalid_argument("it is empty");
+    if (cloud_publisher_.getNumSubscribers() == 0) return;  // normals of clouds take their time
+    const CloudArrays arrays = readCloud(*cloud);
+    const Eigen::ArrayXf ranges = cloudRanges(arrays.points, arrays.viewpoints);
+    Eigen::ArrayXf incidence;
+    if (parameters_.model == ModelType::kLut) {
+      incidence = cloudIncidence(arrays.points, arrays.viewpoints, parameters_.cloud, arrays.width);
+    }
+    cloud_publisher_.publish(boost::make_shared<sensor_msgs::PointCloud2>(
+        withReflectivity(*cloud, reflectivity(calibration_, parameters_.model, parameters_.outside, ranges,
+                                              incidence, arrays.intensities, &counts_))));
+  });
+}
+
+bool ReflectivityNodelet::reload(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
+  try {
+    use(parameters_.calibration_file, parameters_.model);
+    response.success = true;
+    response.message = "Read " + parameters_.calibration_file;
+  } catch (const std::exception& e) {
+    response.message = std::string(e.what()) + ". The calibration stays as it was";
+  }
+  return true;
+}
+
+void ReflectivityNodelet::reconfigure(ReflectivityConfig& config, std::uint32_t) {
+  try {
+    const ModelType model = parseModelType(config.model);
+    const OutsidePolicy outside = parseOutsidePolicy(config.outside);
+    if (config.calibration_file != parameters_.calibration_file || model != parameters_.model) {
+      use(config.calibration_file, model);
+    }
+    parameters_.outside = outside;
+  } catch (const std::exception& e) {
+    NODELET_ERROR_STREAM("Reconfiguration rejected: " << e.what());
+    config.calibration_file = parameters_.calibration_file;
+    config.model = toString(parameters_.model);
+    config.outside = toString(parameters_.outside);
+  }
+}
+
+void ReflectivityNodelet::diagnose(diagnostic_updater::DiagnosticStatusWrapper& status) {
+  using diagnostic_msgs::DiagnosticStatus;
+  const ros::WallTime now = ros::WallTime::now();
+  const double seconds = std::max(1e-3, (now - last_diagnostics_).toSec());
+  if (drops_ > 0) {
+    status.summaryf(DiagnosticStatus::WARN, "%zu messages dropped", drops_);
+  } else if (processed_ > 0 && counts_.valid == valid_before_ &&
+             (received_scans_ > 0 || cloud_publisher_.getNumSubscribers() > 0)) {
+    status.summary(DiagnosticStatus::WARN, "No beam has a reflectivity");
+  } else {
+    status.summary(DiagnosticStatus::OK, processed_ > 0 ? "Running" : "No input");
+  }
+  status.add("Model", toString(parameters_.model));
+  status.add("Calibration file", parameters_.calibration_file);
+  status.add("Calibration date", calibration_.date);
+  status.add("Reference surface", calibration_.reference);
+  status.addf("Scans (Hz)", "%.1f", static_cast<double>(received_scans_) / seconds);
+  status.addf("Clouds (Hz)", "%.1f", static_cast<double>(received_clouds_) / seconds);
+  status.add("Messages dropped", dropped_);
+  status.add("Beams with reflectivity", counts_.valid);
+  status.add("Beams without return", counts_.no_return);
+  status.add("Beams without valid intensity", counts_.bad_intensity);
+  status.add("Beams without angle of incidence", counts_.no_incidence);
+  status.add(parameters_.outside == OutsidePolicy::kDrop ? "Beams dropped: outside of the calibration"
+                                                         : "Beams clamped: outside of the calibration",
+             counts_.outside);
+  status.addf("Processing, mean (ms)", "%.3f", processed_ > 0 ? 1e3 * time_ / processed_ : 0.0);
+  status.addf("Processing, longest (ms)", "%.3f", 1e3 * longest_);
+  last_diagnostics_ = now;
+  received_scans_ = received_clouds_ = processed_ = drops_ = 0;
+  valid_before_ = counts_.valid;
+  time_ = longest_ = 0.0;
+}
+
+}  // namespace laser_intensity_calib
+
+PLUGINLIB_EXPORT_CLASS(laser_intensity_calib::ReflectivityNodelet, nodelet::Nodelet)

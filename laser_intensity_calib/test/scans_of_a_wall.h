@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// Messages of a scanner, see scanner_model.h, that faces a wall.
+#pragma once
+
+#include <sensor_msgs/LaserScan.h>
+#include <sensor_msgs/PointCloud2.h>
+#include <sensor_msgs/point_cloud2_iterator.h>
+
+#include <cmath>
+#include <limits>
+#include <random>
+#include <vector>
+
+#include "scanner_model.h"
+
+namespace laser_intensity_calib {
+
+/// The wall is `distance` (m) ahead, its normal turned by `turn` (rad); beams that miss it have no return.
+inline sensor_msgs::LaserScan scanOfWall(double distance, double turn, double reflectivity,
+                                         std::mt19937& random, double range_noise = 0.003) {
+  constexpr int kBeams = 541;
+  std::normal_distribution<double> gauss;
+  sensor_msgs::LaserScan scan;
+  scan.header.frame_id = "laser";
+  scan.angle_increment = static_cast<float>(0.5 * kRadians);
+  scan.angle_min = -270 * scan.angle_increment;
+  scan.angle_max = -scan.angle_min;
+  scan.range_min = 0.1F;
+  scan.range_max = 20.0F;
+  for (int i = 0; i < kBeams; ++i) {
+    const double angle = scan.angle_min + i * scan.angle_increment, incidence = std::abs(angle - turn);
+    const double range = distance / std::cos(incidence);
+    const bool hit = incidence < 85.0 * kRadians && range < 8.0;
+    scan.ranges.push_back(hit ? static_cast<float>(range + range_noise * gauss(random))
+                              : std::numeric_limits<float>::infinity());
+    scan.intensities.push_back(
+        hit ? static_cast<float>(reflectivity * response(range, incidence) * (1.0 + 0.02 * gauss(random)))
+            : 0.0F);
+  }
+  return scan;
+}
+
+/// Points x y z, an intensity of another type, and their viewpoints if there are any.
+inline sensor_msgs::PointCloud2 makeCloud(const std::vector<Eigen::Vector3f>& points,
+                                          const std::vector<std::uint16_t>& intensities,
+                                          const std::vector<Eigen::Vector3f>& viewpoints = {}) {
+  using sensor_msgs::PointField;
+  sensor_msgs::PointCloud2 cloud;
+  cloud.header.frame_id = "lidar";
+  sensor_msgs::PointCloud2Modifier modifier(cloud);
+  if (viewpoints.empty()) {
+    modifier.setPointCloud2Fields(4, "x", 1, PointField::FLOAT32, "y", 1, PointField::FLOAT32, "z", 1,
+                                  PointField::FLOAT32, "intensity", 1, PointField::UINT16);
+  } else {
+    modifier.setPointCloud2Fields(7, "x", 1, PointField::FLOAT32, "y", 1, PointField::FLOAT32, "z", 1,
+                                  PointField::FLOAT32, "vp_x", 1, PointField::FLOAT32, "vp_y", 1,
+                                  PointField::FLOAT32, "vp_z", 1, PointField::FLOAT32, "intensity", 1,
+                                  PointField::UINT16);
+  }
+  modifier.resize(points.size());
+  sensor_msgs::PointCloud2Iterator<float> x(cloud, "x"), y(cloud, "y"), z(cloud, "z");
+  sensor_msgs::PointCloud2Iterator<std::uint16_t> intensity(cloud, "intensity");
+  for (std::size_t i = 0; i < points.size(); ++i, ++x, ++y, ++z, ++intensity) {
+    *x = points[i].x();
+    *y = points[i].y();
+    *z = points[i].z();
+    *intensity = intensities[i];
+  }
+  if (viewpoints.empty()) return cloud;
+  sensor_msgs::PointCloud2Iterator<float> vx(cloud, "vp_x"), vy(cloud, "vp_y"), vz(cloud, "vp_z");
+  for (const Eigen::Vector3f& v : viewpoints) {
+    *vx = v.x();
+    *vy = v.y();
+    *vz = v.z();
+    ++vx;
+    ++vy;
+    ++vz;
+  }
+  return cloud;
+}
+
+}  // namespace laser_intensity_calib

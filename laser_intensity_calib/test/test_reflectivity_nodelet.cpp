@@ -1,0 +1,245 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// The nodelet's output against the core's, its parameters, its services, and bad input.
+#include <dynamic_reconfigure/Reconfigure.h>
+#include <laser_intensity_calib/calibration_file.h>
+#include <mapping_common/testing/nodelet_test.h>
+#include <mapping_common/testing/temp_dir.h>
+#include <rosgraph_msgs/Log.h>
+#include <std_srvs/Trigger.h>
+
+#include <cmath>
+
+#include "laser_intensity_calib/incidence.h"
+#include "laser_intensity_calib/ros/conversions.h"
+#include "scans_of_a_wall.h"
+
+namespace laser_intensity_calib {
+namespace {
+
+using mapping_common::Recorder;
+using mapping_common::spinFor;
+using mapping_common::waitFor;
+
+class ReflectivityNodelet : public mapping_common::NodeletTest {
+ protected:
+  ReflectivityNodelet()
+      : mapping_common::NodeletTest("laser_intensity_calib/ReflectivityNodelet", "reflectivity") {
+    static const Calibration calibration = calibrate(observe(0.8, 10, 5000), FitOptions());
+    calibration_ = calibration;
+    saveCalibration(calibration_, file_);
+    setParam("calibration_file", file_);
+  }
+
+  bool start() {
+    if (!load()) return false;
+    scans_ = node_.advertise<sensor_msgs::LaserScan>("scan", 100);
+    clouds_ = node_.advertise<sensor_msgs::PointCloud2>("cloud", 100);
+    return waitFor([this] { return scans_.getNumSubscribers() > 0 && clouds_.getNumSubscribers() > 0; });
+  }
+
+  sensor_msgs::LaserScan wall(double distance = 2.0) {
+    std::mt19937 random(3);
+    sensor_msgs::LaserScan scan = scanOfWall(distance, 0.2, 0.4, random);
+    scan.header.stamp = ros::Time(100.0);
+    return scan;
+  }
+
+  Eigen::ArrayXf expected(const sensor_msgs::LaserScan& scan, ModelType type = ModelType::kLut,
+                          OutsidePolicy policy = OutsidePolicy::kDrop) const {
+    const ScanArrays arrays = readScan(scan);
+    ScanIncidence incidence;
+    return reflectivity(calibration_, type, policy, arrays.ranges,
+                        incidence.estimate(arrays.ranges, scan.angle_min, scan.angle_increment),
+                        arrays.intensities);
+  }
+
+  /// The answer to a scan.
+  sensor_msgs::LaserScan answer(const sensor_msgs::LaserScan& scan) {
+    Recorder<sensor_msgs::LaserScan> results(node_, "scan_reflectivity");
+    EXPECT_TRUE(waitFor([this] { return scans_.getNumSubscribers() > 0; }));
+    spinFor(0.3);  // the nodelet hears of its subscriber
+    scans_.publish(scan);
+    EXPECT_TRUE(results.waitForOne());
+    return results.messages.empty() ? sensor_msgs::LaserScan() : results.messages.back();
+  }
+  static void expectSame(const Eigen::ArrayXf& expected, const std::vector<float>& result) {
+    ASSERT_EQ(static_cast<std::size_t>(expected.size()), result.size());
+    for (std::size_t i = 0; i < result.size(); ++i) {
+      ASSERT_EQ(std::isnan(expected[i]), std::isnan(result[i])) << i;
+      if (std::isnan(result[i])) continue;
+      ASSERT_NEAR(expected[i], result[i], 1e-4 * expected[i]) << i;
+    }
+  }
+
+  // What the nodelet said when it didn't start.
+  std::string whyNotLoaded() {
+    Recorder<rosgraph_msgs::Log> log(node_, "/rosout");
+    std::string text;
+    const auto said = [&] {
+      for (const auto& message : log.messages) {
+        if (message.level == rosgraph_msgs::Log::FATAL && message.name == "/manager") text = message.msg;
+      }
+      return !text.empty();
+    };
+    spinFor(0.5);  // to be connected
+    log.messages.clear();
+    EXPECT_FALSE(load());
+    EXPECT_TRUE(waitFor(said));
+    return text;
+  }
+
+  std_srvs::Trigger::Response reload() {
+    std_srvs::Trigger trigger;
+    EXPECT_TRUE(ros::service::call(name_ + "/reload", trigger));
+    EXPECT_FALSE(trigger.response.message.empty());
+    return trigger.response;
+  }
+  void reconfigure(const std::string& parameter, const std::string& value) {
+    dynamic_reconfigure::Reconfigure call;
+    call.request.config.strs.resize(1);
+    call.request.config.strs[0].name = parameter;
+    call.request.config.strs[0].value = value;
+    EXPECT_TRUE(ros::service::call(name_ + "/reconfigure/set_parameters", call));
+  }
+
+  mapping_common::TempDir dir_;
+  const std::string file_ = dir_.path("calibration.yaml");
+  Calibration calibration_;
+  ros::Publisher scans_, clouds_;
+};
+
+TEST_F(ReflectivityNodelet, GivesTheReflectivityOfScans) {
+  ASSERT_TRUE(start());
+  const sensor_msgs::LaserScan scan = wall();
+  const sensor_msgs::LaserScan result = answer(scan);
+  expectSame(expected(scan), result.intensities);
+  EXPECT_EQ(scan.header.stamp, result.header.stamp);
+  EXPECT_EQ(scan.header.frame_id, result.header.frame_id);
+  EXPECT_EQ(scan.ranges, result.ranges);
+  EXPECT_NEAR(0.5, result.intensities[270 + 40], 0.05);
+  const long valid = (!expected(scan).isNaN()).count();
+  expectDiagnostic("Reflectivity", "Beams with reflectivity", std::to_string(valid));
+  expectDiagnostic("Reflectivity", "Model", "lut");
+}
+
+TEST_F(ReflectivityNodelet, GivesTheReflectivityOfClouds) {
+  ASSERT_TRUE(start());
+  std::vector<Eigen::Vector3f> points;
+  std::vector<std::uint16_t> intensities;
+  for (int y = -20; y <= 20; ++y) {
+    for (int z = -20; z <= 20; ++z) {
+      points.emplace_back(2.0F, 0.05F * y, 0.05F * z);
+      const double range = points.back().norm();
+      intensities.push_back(static_cast<std::uint16_t>(0.4 * response(range, std::acos(2.0 / range))));
+    }
+  }
+  Recorder<sensor_msgs::PointCloud2> results(node_, "cloud_reflectivity");
+  spinFor(0.3);
+  clouds_.publish(makeCloud(points, intensities));
+  ASSERT_TRUE(results.waitForOne());
+  sensor_msgs::PointCloud2ConstIterator<float> value(results.messages[0], "reflectivity");
+  int good = 0;
+  for (std::size_t i = 0; i < points.size(); ++i, ++value) good += std::abs(*value - 0.5F) < 0.03F ? 1 : 0;
+  EXPECT_GT(good, 1500) << "of " << points.size();
+}
+
+TEST_F(ReflectivityNodelet, DropsBadMessagesAndGoesOn) {
+  ASSERT_TRUE(start());
+  sensor_msgs::LaserScan scan = wall(), bad = scan;
+  bad.intensities.clear();
+  scans_.publish(bad);
+  bad = scan;
+  bad.intensities.pop_back();
+  scans_.publish(bad);
+  scans_.publish(sensor_msgs::LaserScan());
+  bad = scan;
+  bad.angle_increment = std::numeric_limits<float>::quiet_NaN();
+  scans_.publish(bad);
+  clouds_.publish(sensor_msgs::PointCloud2());
+  expectDiagnostic("Reflectivity", "Messages dropped", "5");
+  expectSame(expected(scan), answer(scan).intensities);
+}
+
+TEST_F(ReflectivityNodelet, GoesOnWhenTimeJumpsBack) {
+  ASSERT_TRUE(start());
+  sensor_msgs::LaserScan scan = wall();
+  expectSame(expected(scan), answer(scan).intensities);
+  scan.header.stamp = ros::Time(1.0);
+  EXPECT_EQ(ros::Time(1.0), answer(scan).header.stamp);
+}
+
+TEST_F(ReflectivityNodelet, ModelAndPolicyChangeWhileItRuns) {
+  ASSERT_TRUE(start());
+  const sensor_msgs::LaserScan scan = wall(0.25);  // partly nearer than what was calibrated
+  ASSERT_GT((!expected(scan, ModelType::kLut, OutsidePolicy::kClamp).isNaN()).count(),
+            (!expected(scan).isNaN()).count());
+  expectSame(expected(scan), answer(scan).intensities);
+  reconfigure("outside", "clamp");
+  expectSame(expected(scan, ModelType::kLut, OutsidePolicy::kClamp), answer(scan).intensities);
+  reconfigure("model", "raw");
+  expectSame(expected(scan, ModelType::kRaw), answer(scan).intensities);
+  reconfigure("model", "range");
+  expectSame(expected(scan, ModelType::kRange, OutsidePolicy::kClamp), answer(scan).intensities);
+  reconfigure("calibration_file", "/nowhere/none.yaml");
+  expectDiagnostic("Reflectivity", "Calibration file", file_);
+  expectSame(expected(scan, ModelType::kRange, OutsidePolicy::kClamp), answer(scan).intensities);
+}
+
+TEST_F(ReflectivityNodelet, ReloadsTheFileOrKeepsWhatItHas) {
+  ASSERT_TRUE(start());
+  const sensor_msgs::LaserScan scan = wall();
+  const Calibration before = calibration_;
+  dir_.write("calibration.yaml", "damaged");
+  const std_srvs::Trigger::Response refused = reload();
+  EXPECT_FALSE(refused.success);
+  EXPECT_NE(std::string::npos, refused.message.find(file_)) << refused.message;
+  expectSame(expected(scan), answer(scan).intensities);
+
+  calibration_.table =
+      LookupTable(before.table.range(), before.table.incidence(), 2.0F * before.table.values());
+  saveCalibration(calibration_, file_);
+  EXPECT_TRUE(reload().success);
+  expectSame(expected(scan), answer(scan).intensities);
+}
+
+TEST_F(ReflectivityNodelet, PassesIntensitiesOnWithoutACalibration) {
+  setParam("calibration_file", std::string());
+  setParam("model", "raw");
+  ASSERT_TRUE(start());
+  const sensor_msgs::LaserScan scan = wall(), result = answer(scan);
+  for (std::size_t i = 0; i < scan.ranges.size(); ++i) {
+    if (std::isinf(scan.ranges[i])) {
+      EXPECT_TRUE(std::isnan(result.intensities[i]));
+    } else {
+      EXPECT_EQ(scan.intensities[i], result.intensities[i]);
+    }
+  }
+}
+
+TEST_F(ReflectivityNodelet, SaysWhichParameterIsBad) {
+  const auto bad = [this](const std::string& parameter, const auto& value, const auto& good) {
+    setParam(parameter, value);
+    const std::string why = whyNotLoaded();
+    setParam(parameter, good);
+    return why;
+  };
+  EXPECT_EQ("Not started: ~model is 'lambert', allowed is raw, range, lut", bad("model", "lambert", "lut"));
+  EXPECT_EQ("Not started: ~scan/min_window is 2, allowed is 3 to 1000", bad("scan/min_window", 2, 7));
+  EXPECT_EQ("Not started: ~cloud/leaf is -1, allowed is 0 to 100", bad("cloud/leaf", -1.0, 0.0));
+  EXPECT_EQ(0u, bad("calibration_file", "/nowhere/none.yaml", file_)
+                    .find("Not started: ~calibration_file: /nowhere/none.yaml"));
+  EXPECT_EQ(0u, bad("calibration_file", "", file_).find("Not started: ~calibration_file is empty"));
+  setParam("modell", "lut");
+  EXPECT_EQ(0u, whyNotLoaded().find("Not started: unknown: ~modell"));
+}
+
+}  // namespace
+}  // namespace laser_intensity_calib
+
+int main(int argc, char** argv) {
+  testing::InitGoogleTest(&argc, argv);
+  ros::init(argc, argv, "test_reflectivity_nodelet");
+  ros::NodeHandle node;
+  return RUN_ALL_TESTS();
+}

@@ -1,0 +1,238 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// Calibrates a laser scanner's intensities from a bag in which it observes a reference surface.
+#include <laser_intensity_calib/calibration_file.h>
+#include <laser_intensity_calib/ros/bag_samples.h>
+#include <laser_intensity_calib/ros/report.h>
+#include <ros/init.h>
+#include <spawn.h>
+#include <sys/wait.h>
+
+#include <algorithm>
+#include <boost/date_time/posix_time/posix_time.hpp>
+#include <boost/program_options.hpp>
+#include <filesystem>
+#include <iostream>
+#include <sstream>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+namespace po = boost::program_options;
+using namespace laser_intensity_calib;
+
+namespace {
+
+constexpr double kRadians = M_PI / 180.0;
+
+const char kUsage[] =
+    "Usage: calibrate --bag FILE --topic TOPIC --out CALIBRATION.yaml [--report FOLDER] [options]\n"
+    "\n"
+    "Learns from a recording what intensity the scanner reports of a reference surface (such as white paper, "
+    "or a\n"
+    "white wall) over range and angle of incidence. The surface should be seen from all distances and angles "
+    "that\n"
+    "matter. Which beams are on it say --beams, --box and --plane; those that are in all of them are "
+    "taken.\n";
+
+struct Arguments {
+  std::string bag, out, report, scanner, reference;
+  BagSamplesOptions samples;
+  FitOptions fit;
+};
+
+std::vector<double> numbers(const std::string& option, const std::string& text, char separator,
+                            std::size_t count) {
+  std::vector<double> values;
+  std::istringstream in(text);
+  for (std::string part; std::getline(in, part, separator);) {
+    std::size_t end = 0;
+    try {
+      values.push_back(std::stod(part, &end));
+    } catch (const std::exception&) {
+      end = std::string::npos;
+    }
+    if (end != part.size()) break;
+  }
+  if (values.size() != count ||
+      std::count(text.begin(), text.end(), separator) + 1 != static_cast<long>(count)) {
+    throw po::error("--" + option + " is " + text + ", expected are " + std::to_string(count) +
+                    " numbers, separated by '" + separator + "'");
+  }
+  return values;
+}
+
+void readRegion(const std::string& beams, const std::string& box, Region& region) {
+  if (!beams.empty()) {
+    const auto range = numbers("beams", beams, ':', 2);
+    if (!(range[0] >= 0.0 && range[1] >= range[0] && range[1] < 1e9)) {
+      throw po::error("--beams is " + beams + ", expected is FIRST:LAST, 0 <= FIRST <= LAST");
+    }
+    region.first_beam = static_cast<int>(range[0]);
+    region.last_beam = static_cast<int>(range[1]);
+  }
+  if (box.empty()) return;
+  const auto corners = numbers("box", box, ',', 6);
+  region.box.emplace(Eigen::Vector3d(corners[0], corners[1], corners[2]),
+                     Eigen::Vector3d(corners[3], corners[4], corners[5]));
+  if (region.box->isEmpty()) throw po::error("--box is " + box + ", expected is min < max along each axis");
+}
+
+/// False if help was asked for and printed. Throws po::error or std::invalid_argument for wrong usage.
+bool parse(const std::vector<std::string>& words, Arguments& a) {
+  std::string beams, box;
+  const auto with_default = [](auto* value) { return po::value(value)->default_value(*value); };
+  const auto degrees = [](double* radians) {
+    return po::value<double>()
+        ->default_value(std::round(*radians / kRadians * 100.0) / 100.0)
+        ->notifier([radians](double value) { *radians = value * kRadians; });
+  };
+  po::options_description main("Options"), region("Reference surface"), normals("Normals"), fit("Models");
+  main.add_options()("help,h", "print this")("bag", po::value(&a.bag)->required(), "recording")(
+      "topic", po::value(&a.samples.topic)->required(), "LaserScan or PointCloud2 with intensities")(
+      "out", po::value(&a.out)->required(), "calibration to write")("report", po::value(&a.report),
+                                                                    "folder for figures and their data")(
+      "scanner", po::value(&a.scanner)->default_value("unnamed"), "its name, for the file")(
+      "reference", po::value(&a.reference)->default_value("white paper"), "the surface's name, for the file")(
+      "step", with_default(&a.samples.step), "use each N-th message");
+  region.add_options()("beams", po::value(&beams), "FIRST:LAST beam of a scan that is on it")(
+      "box", po::value(&box), "XMIN,YMIN,ZMIN,XMAX,YMAX,ZMAX it is in, m")(
+      "frame", po::value(&a.samples.region.frame),
+      "frame of the box, found by the bag's tf; by default that of the sensor")(
+      "plane", po::bool_switch(&a.samples.region.plane),
+      "the largest plane (of a scan: straight line) is it")(
+      "plane-tolerance", with_default(&a.samples.region.plane_tolerance), "m, from the plane");
+  normals.add_options()(
+      "accumulate", with_default(&a.samples.accumulate),
+      "> 0: put N messages together in --frame: for scanners that sweep it by moving (push-broom)")(
+      "range-noise", with_default(&a.samples.scan.range_noise), "m, of the scanner")(
+      "min-window", with_default(&a.samples.scan.min_window),
+      "beams of a scan that a normal is estimated from")(
+      "min-length", with_default(&a.samples.scan.min_length), "m, along the scan that it is estimated over")(
+      "neighbors", with_default(&a.samples.cloud.neighbors),
+      "points of a cloud that a normal is estimated from")("radius", with_default(&a.samples.cloud.radius),
+                                                           "m, those farther away are left out")(
+      "leaf", with_default(&a.samples.cloud.leaf),
+      "m, voxels that a cloud is thinned to for normals; 0: not")(
+      "max-error", degrees(&a.samples.scan.max_error), "deg, samples with a less certain angle are left out");
+  fit.add_options()("range-cell", with_default(&a.fit.range_cell), "m, samples are summed up in cells")(
+      "incidence-cell", degrees(&a.fit.incidence_cell), "deg, the same")(
+      "min-samples", with_default(&a.fit.min_samples), "of a cell")(
+      "max-edge", with_default(&a.fit.max_edge), "cells, wider gaps aren't interpolated across; 0: all are")(
+      "range-step", with_default(&a.fit.range_step), "m, of the table")(
+      "incidence-step", degrees(&a.fit.incidence_step), "deg, of the table")(
+      "normal-incidence", degrees(&a.fit.normal_incidence), "deg, up to which the range model is fitted")(
+      "max-degree", with_default(&a.fit.max_degree), "of the range model's polynomial")(
+      "folds", with_default(&a.fit.folds), "of the cross-validation");
+  po::options_description all;
+  all.add(main).add(region).add(normals).add(fit);
+  po::variables_map values;
+  using namespace po::command_line_style;
+  po::store(po::command_line_parser(words).options(all).style(unix_style ^ allow_guessing).run(), values);
+  if (values.count("help")) {
+    std::cout << kUsage << all;
+    return false;
+  }
+  po::notify(values);
+  a.samples.cloud.max_error = a.samples.scan.max_error;
+  readRegion(beams, box, a.samples.region);
+  a.samples.scan.validate();
+  a.samples.cloud.validate();
+  a.fit.validate();
+  return true;
+}
+
+void showProgress(const char* what, double share) {
+  static int shown = -1;
+  const int percent = static_cast<int>(100.0 * share);
+  if (percent != shown) std::cerr << "\rcalibrate: " << what << ' ' << percent << " % " << std::flush;
+  shown = percent;
+}
+
+// Where most samples are at the upper end, the scanner saturates.
+void warnOfSaturation(const std::vector<Sample>& samples) {
+  const auto brighter = [](const Sample& a, const Sample& b) { return a.intensity < b.intensity; };
+  const float max = std::max_element(samples.begin(), samples.end(), brighter)->intensity;
+  const auto at_max =
+      std::count_if(samples.begin(), samples.end(), [max](const Sample& s) { return s.intensity == max; });
+  const double share = static_cast<double>(at_max) / static_cast<double>(samples.size());
+  if (share > 0.01) {
+    std::cerr << "calibrate: " << 100.0 * share << " % of the samples have the intensity " << max
+              << ": if the scanner is saturated there, take a darker reference surface\n";
+  }
+}
+
+// The script is installed beside this program.
+void draw(const Arguments& a) {
+  const std::string script =
+      (std::filesystem::read_symlink("/proc/self/exe").parent_path() / "plot_calibration.py").string();
+  std::vector<std::string> words = {"python3", script, a.out, a.report};
+  std::vector<char*> arguments;
+  for (std::string& word : words) arguments.push_back(&word[0]);
+  arguments.push_back(nullptr);
+  const char* python = std::filesystem::exists("/usr/bin/python3") ? "/usr/bin/python3" : "python3";
+  pid_t child;
+  int status = 1;
+  const bool started = posix_spawnp(&child, python, nullptr, nullptr, arguments.data(), environ) == 0;
+  if (started) waitpid(child, &status, 0);
+  if (status == 0) return;
+  std::cerr << "calibrate: no figures were drawn (python3-matplotlib, python3-yaml?); try " << script << ' '
+            << a.out << ' ' << a.report << '\n';
+}
+
+void run(const Arguments& a) {
+  BagSamplesReport report;
+  const std::vector<Sample> samples =
+      collectSamples(a.bag, a.samples, report, [](double share) { showProgress("reading", share); });
+  std::cerr << "\rcalibrate: " << report.messages << " messages, " << report.in_region
+            << " beams on the surface, of which " << report.without_incidence
+            << " without an angle of incidence\n";
+  if (report.malformed + report.without_transform > 0) {
+    std::cerr << "calibrate: left out " << report.malformed << " malformed messages and "
+              << report.without_transform << " without a transform: " << report.last_problem << '\n';
+  }
+  if (samples.empty()) {
+    throw std::runtime_error(
+        "there is no sample of the reference surface: check --beams, --box, --frame, --plane");
+  }
+  warnOfSaturation(samples);
+  std::vector<std::string> problems;
+  Calibration calibration =
+      calibrate(samples, a.fit, &problems, [](double share) { showProgress("fitting", share); });
+  std::cerr << '\n';
+  calibration.scanner = a.scanner;
+  calibration.reference = a.reference;
+  calibration.date =
+      boost::posix_time::to_iso_extended_string(boost::posix_time::second_clock::universal_time()) + "Z";
+  calibration.source = std::filesystem::path(a.bag).filename().string() + ' ' + a.samples.topic;
+  saveCalibration(calibration, a.out);
+
+  Coverage coverage;
+  if (calibration.has(ModelType::kLut))
+    coverage = coverageOf(sumUp(samples, a.fit), calibration.table, a.fit);
+  coverage.advice.insert(coverage.advice.begin(), problems.begin(), problems.end());
+  std::cout << describe(calibration, coverage);
+  if (!a.report.empty()) {
+    writeReport(a.report, samples, calibration, a.fit);
+    draw(a);
+  }
+  std::cerr << "calibrate: wrote " << a.out << '\n';
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  std::vector<std::string> words;
+  ros::removeROSArgs(argc, argv, words);  // roslaunch adds some
+  Arguments arguments;
+  try {
+    if (parse({words.begin() + 1, words.end()}, arguments)) run(arguments);
+    return 0;
+  } catch (const po::error& e) {
+    std::cerr << "calibrate: " << e.what() << "\n\n" << kUsage << "See calibrate --help\n";
+    return 2;
+  } catch (const std::exception& e) {
+    std::cerr << "\ncalibrate: " << e.what() << '\n';
+    return 1;
+  }
+}
