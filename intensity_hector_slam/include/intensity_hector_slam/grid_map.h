@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <cstdint>
+#include <vector>
+
+#include "intensity_hector_slam/options.h"
+#include "intensity_hector_slam/pose.h"
+#include "intensity_hector_slam/scan.h"
+
+namespace intensity_hector_slam {
+
+/// G = {g_1, ..., g_p} of section 3.4.1: occupancy P(g_i) and mean reflectivity R(g_i) of square cells. Cell
+/// (x, y) covers origin() + resolution() * [x, x + 1) x [y, y + 1).
+class GridMap {
+ public:
+  /// What the matcher reads, next to each other so that both are interpolated at once.
+  struct Cell {
+    float occupancy = 0.5f;     ///< P(g_i); 0.5 exactly: never observed
+    float reflectivity = 0.0f;  ///< R(g_i); 0 without a hit
+  };
+  /// Of P and R: the interpolated value, its derivatives by x and by y per metre.
+  struct Interpolation {
+    Eigen::Array2f value, dx, dy;
+  };
+
+  GridMap() = default;
+  /// @param min corner of the first cell, m, map frame
+  GridMap(double resolution, const Eigen::Vector2d& min, int width, int height);
+
+  double resolution() const { return resolution_; }
+  const Eigen::Vector2d& origin() const { return origin_; }
+  int width() const { return width_; }
+  int height() const { return height_; }
+  const Cell& cell(int x, int y) const { return cells_[index(x, y)]; }
+  /// Hits that the cell's mean reflectivity goes over, at most MapOptions::max_count.
+  std::uint16_t count(int x, int y) const { return counts_[index(x, y)]; }
+  /// The cell that a point of the map frame (m) is in; null outside.
+  const Cell* find(const Eigen::Vector2d& point) const {
+    const Eigen::Vector2i at = cellAt(point);
+    return contains(at) ? &cells_[index(at.x(), at.y())] : nullptr;
+  }
+  static bool isKnown(const Cell& cell) { return cell.occupancy != 0.5f; }
+  static bool isOccupied(const Cell& cell) { return cell.occupancy > 0.5f; }
+  static bool isFree(const Cell& cell) { return cell.occupancy < 0.5f; }
+  /// Row by row, height() x width().
+  const std::vector<Cell>& cells() const { return cells_; }
+  const std::vector<std::uint16_t>& counts() const { return counts_; }
+
+  /// Bilinear interpolation (section 3.4.1) of both at a point of the map frame (m). Beyond the centres of
+  /// the outermost cells: never observed.
+  Interpolation interpolate(const Eigen::Vector2d& point) const;
+
+  /// Each cell that a beam ends in is updated as occupied once, each that beams only cross as free once. A
+  /// cell that turns free forgets its reflectivity. Beams that end outside are ignored, points without a
+  /// known reflectivity count for the occupancy alone.
+  void update(const Scan& scan, const Pose& pose, const MapOptions& options);
+
+  /// Adds cells at the borders, 0 or more.
+  void grow(int left, int right, int below, int above);
+
+  /// Sets all of a cell.
+  void set(int x, int y, const Cell& cell, std::uint16_t count);
+  /// The smallest box of cells with all that are known; empty without any.
+  Eigen::AlignedBox2i knownCells() const;
+
+ private:
+  std::size_t index(int x, int y) const { return static_cast<std::size_t>(y) * width_ + x; }
+  bool contains(const Eigen::Vector2i& c) const {
+    return c.x() >= 0 && c.y() >= 0 && c.x() < width_ && c.y() < height_;
+  }
+  Eigen::Vector2i cellAt(const Eigen::Vector2d& point) const {
+    const Eigen::Array2d at = (point - origin_).array() / resolution_;
+    if (!(at.x() >= 0.0 && at.y() >= 0.0 && at.x() < width_ && at.y() < height_)) return {-1, -1};
+    return at.cast<int>();
+  }
+  void hit(std::size_t cell, const MapOptions& options);
+  void average(std::size_t cell, float reflectivity, int max_count);
+  void clearBeam(const Eigen::Vector2i& from, const Eigen::Vector2i& to, const MapOptions& options);
+
+  double resolution_ = 0.0;
+  Eigen::Vector2d origin_ = Eigen::Vector2d::Zero();
+  int width_ = 0, height_ = 0;
+  std::vector<Cell> cells_;
+  std::vector<std::uint16_t> counts_;
+  std::vector<std::uint32_t> marks_;  // update in which a cell changed last, see update()
+  std::uint32_t mark_ = 0;
+  std::vector<Eigen::Vector2i> ends_;  // cells of the scan's points
+};
+
+}  // namespace intensity_hector_slam

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <optional>
+
+#include "intensity_hector_slam/slam.h"
+
+namespace intensity_hector_slam {
+
+struct KeyPose {
+  std::uint32_t id = 0;
+  double stamp = 0.0;  ///< s
+  Pose pose = Pose::Zero();
+};
+
+/// Consecutive key poses, for the back end of a graph SLAM.
+struct Edge {
+  KeyPose from, to;
+  Pose transform = Pose::Zero();  ///< of `to`, seen from `from`
+  Eigen::Matrix3d information =
+      Eigen::Matrix3d::Identity();  ///< K^-1 of the transform: 1/m^2, 1/(m rad), 1/rad^2
+};
+
+/// Picks key poses from the poses of a SLAM, and tells the edges between them.
+class KeyPoses {
+ public:
+  /// @param distance, angle from the last key pose on, m and rad
+  /// @throws std::invalid_argument that names the option, its value and what is allowed
+  explicit KeyPoses(double distance = 0.5, double angle = 0.5);
+
+  /// @return the edge that a pose makes, where it is a key pose but for the first
+  std::optional<Edge> add(double stamp, const SlamResult& result);
+  /// The next pose is the first of a new chain; it isn't connected to the last.
+  void breakChain() { last_.reset(); }
+
+ private:
+  double distance_, angle_;
+  std::uint32_t next_id_ = 0;
+  std::optional<KeyPose> last_;
+};
+
+}  // namespace intensity_hector_slam

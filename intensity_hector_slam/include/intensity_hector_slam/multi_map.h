@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "intensity_hector_slam/grid_map.h"
+
+namespace intensity_hector_slam {
+
+/// The same world in grids of several resolutions, each updated by itself (as in Hector SLAM, to escape local
+/// minima).
+class MultiMap {
+ public:
+  explicit MultiMap(const MapOptions& options = {});
+
+  const MapOptions& options() const { return options_; }
+  /// 0 is the finest.
+  const GridMap& level(int i) const { return levels_[i]; }
+  int levels() const { return static_cast<int>(levels_.size()); }
+  /// Counts the updates.
+  std::size_t updates() const { return updates_; }
+
+  void update(const Scan& scan, const Pose& pose);
+  void clear();
+
+  /// Writes all levels to a file: magic, version, options, known cells, checksum.
+  /// @throws std::runtime_error that names the file
+  void save(const std::string& path) const;
+  /// @param options all but the resolution, the levels and the size, which are the file's
+  /// @throws std::runtime_error that names the file and what is wrong with it
+  static MultiMap load(const std::string& path, const MapOptions& options = {});
+
+ private:
+  void growTo(const Scan& scan, const Pose& pose);
+
+  MapOptions options_;
+  std::vector<GridMap> levels_;
+  std::size_t updates_ = 0;
+};
+
+}  // namespace intensity_hector_slam

@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <intensity_hector_slam/key_poses.h>
+#include <intensity_hector_slam/ros/parameters.h>
+
+#include <functional>
+#include <map>
+#include <string>
+#include <vector>
+
+namespace intensity_hector_slam {
+
+struct BagOptions {
+  std::string bag;
+  std::string scan_topic;  ///< sensor_msgs/LaserScan
+  /// Odometry, the first guess, of tf: its fixed frame; or of a topic (nav_msgs/Odometry): the pose of the
+  /// body in any fixed frame. Both empty: there is none.
+  std::string odom_frame, odom_topic;
+};
+
+struct BagResult {
+  struct Entry {
+    double stamp = 0.0;  ///< s
+    SlamResult result;
+    double seconds = 0.0;  ///< what it took, from the Scan on
+  };
+  std::vector<Entry> entries;  ///< one for each scan that was processed
+  std::vector<Edge> edges;
+  MultiMap map;
+  std::map<std::string, std::size_t> dropped;  ///< scans, by the reason
+  bool scanner_is_body =
+      false;  ///< the bag doesn't tell where the scanner is mounted: the poses are the scanner's
+};
+
+/// SLAM over a recording, as fast as it goes. The same recording and parameters give the same result, but for
+/// the times.
+/// @param progress is told the share that is done, 0 to 1
+/// @throws std::runtime_error, rosbag::BagException, that say what can't be read
+BagResult runBag(const BagOptions& options, const SlamParameters& parameters,
+                 const std::function<void(double)>& progress = {});
+
+}  // namespace intensity_hector_slam

@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <vector>
+
+#include "intensity_hector_slam/multi_map.h"
+
+namespace intensity_hector_slam {
+
+struct Match {
+  Pose pose = Pose::Zero();
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< K of x, y, theta, map frame: m^2, m rad, rad^2
+  Eigen::Matrix3d hessian = Eigen::Matrix3d::Zero();  ///< H at the pose, over all beams, on the finest level
+  /// Takes a difference of poses (map frame) to its part in directions that weren't observable.
+  Eigen::Matrix3d unobservable_part = Eigen::Matrix3d::Zero();
+  Cost cost = Cost::kOccupancy;  ///< what was minimised, never kAuto
+  int iterations = 0;            ///< over all levels
+  int observable = 3;            ///< directions in which the pose was observable, 0 to 3
+  double residual = 0.0;         ///< root mean square of the weighted residuals at the pose
+  double contradiction = 0.0;    ///< share of the points in cells known as free
+  double overlap = 0.0;          ///< share of the points in cells known as occupied
+  bool searched = false;         ///< whether a window around the first guess was searched
+};
+
+/// Finds the pose from which a scan fits to a map: Gauss-Newton (Eq. 3.9) on one level after the other,
+/// coarse to fine.
+class ScanMatcher {
+ public:
+  explicit ScanMatcher(const MatcherOptions& options = {});
+
+  const MatcherOptions& options() const { return options_; }
+
+  /// @param guess first guess, map frame
+  /// @param search whether to search the window around the guess before
+  Match match(const MultiMap& map, const Scan& scan, const Pose& guess, bool search = false);
+
+  /// Of one of the two kinds of residuals, weighted.
+  struct NormalEquation {
+    Eigen::Matrix3d hessian = Eigen::Matrix3d::Zero();   ///< sum of w J^T J
+    Eigen::Vector3d gradient = Eigen::Vector3d::Zero();  ///< sum of w J^T e: the step is H^-1 times this
+  };
+  /// A cost, linearised at a pose on one level.
+  struct Linearization {
+    NormalEquation occupancy, reflectivity;  ///< zero where the cost hasn't that kind of residuals
+    double cost = 0.0;                       ///< sum of the robust costs of the residuals
+    double squares = 0.0;                    ///< sum of w e^2
+    double weights = 0.0;                    ///< sum of w
+  };
+  /// @param cost not kAuto
+  Linearization linearize(const GridMap& map, const Scan& scan, const Pose& pose, Cost cost);
+
+ private:
+  struct Beams {  // the scan for the inner loop, filled up with invalid beams
+    std::vector<float> x, y, reflectivity, known, valid;
+    std::size_t count = 0;
+    double mean_range = 1.0, share_known = 0.0;
+  };
+
+  /// Projections of poses, with angles in units of length, on what each kind of residuals tells.
+  struct Observability {
+    Eigen::Matrix3d occupancy = Eigen::Matrix3d::Identity(), reflectivity = Eigen::Matrix3d::Identity();
+    bool full = true;
+  };
+  class Solver;
+
+  void prepare(const Scan& scan);
+  Linearization linearize(const GridMap& map, const Pose& pose, Cost cost) const;
+  Observability observe(const GridMap& map, const Pose& pose, Cost cost) const;
+  Eigen::Matrix3d project(const GridMap& map, const Pose& pose, Cost kind, const Eigen::Matrix3d& hessian,
+                          const Eigen::Matrix3d& directions) const;
+  float weightOf(Cost kind, Cost cost) const;
+  Cost chooseCost(const GridMap& map, const Scan& scan, const Pose& guess) const;
+  Pose searchWindow(const GridMap& map, const Pose& guess, Cost cost) const;
+  Pose descend(const MultiMap& map, const Pose& start, const Observability& observability,
+               Match& match) const;
+  int optimize(const GridMap& map, Cost cost, const Observability& observability, Pose& pose) const;
+  void assess(const GridMap& map, Match& match) const;
+
+  MatcherOptions options_;
+  Beams beams_;
+};
+
+}  // namespace intensity_hector_slam

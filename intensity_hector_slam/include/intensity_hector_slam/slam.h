@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "intensity_hector_slam/scan_matcher.h"
+
+namespace intensity_hector_slam {
+
+/// What became of a scan.
+enum class Status {
+  kStarted,  ///< the first in an empty map: it went in at the start pose
+  kMatched,
+  kUnobservable,  ///< matched, but in some direction the pose is just the first guess's; see
+                  ///< Match::observable
+  kRejected,      ///< it doesn't fit to the map: the pose is the first guess's, the map stays as it was
+  kEmpty          ///< too few points: the pose is the first guess's, the map stays as it was
+};
+std::string toString(Status status);
+
+struct SlamResult {
+  Status status = Status::kEmpty;
+  Pose pose = Pose::Zero();                              ///< of the body at the scan's stamp, map frame
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< of x, y, theta, map frame: m^2, m rad, rad^2
+  Pose guess = Pose::Zero();                             ///< where the match began
+  Match match;  ///< of no meaning where the status is kStarted or kEmpty
+  bool map_updated = false;
+  bool time_jumped_back = false;  ///< by more than SlamOptions::max_gap: no velocity holds
+  double gap = 0.0;               ///< s, a pause before this scan longer than SlamOptions::max_gap, else 0
+};
+
+/// The front end: tells the pose of each scan and builds the map.
+///
+///     Slam slam(options);
+///     for (const Scan& scan : scans) trajectory.push_back(slam.process(scan).pose);
+class Slam {
+ public:
+  /// @throws std::invalid_argument that names the option, its value and what is allowed
+  explicit Slam(const SlamOptions& options = {});
+
+  /// @param odometry pose of the body at the scan's stamp in any fixed frame, where there is odometry
+  SlamResult process(const Scan& scan, const std::optional<Pose>& odometry = {});
+
+  const SlamOptions& options() const { return options_; }
+  /// What isn't the map's: those must be as they were.
+  /// @throws std::invalid_argument
+  void setOptions(const SlamOptions& options);
+  const MultiMap& map() const { return map_; }
+  const Pose& pose() const { return pose_; }
+
+  /// Puts the body elsewhere in the map.
+  void setPose(const Pose& pose);
+  /// Forgets all of the map and starts again at a pose.
+  void reset(const Pose& pose = Pose::Zero());
+  /// Goes on in another map, from a pose. Its options replace those of the map.
+  void setMap(MultiMap map, const Pose& pose);
+
+ private:
+  void predict(double stamp, const std::optional<Pose>& odometry, SlamResult& result);
+  void follow(const Scan& scan, bool unsure, SlamResult& result);
+  void startAgain();
+  double deskew(const Scan& scan);
+  void place(const Scan& scan, bool unsure, SlamResult& result);
+  bool accepts(const Match& match, const Pose& guess) const;
+  Eigen::Matrix3d unknownCovariance() const;
+  void updateVelocity(double middle, const SlamResult& result);
+  void updateMap(const Scan& scan, SlamResult& result);
+
+  SlamOptions options_;
+  MultiMap map_;
+  ScanMatcher matcher_;
+  Scan deskewed_;
+
+  Pose pose_ = Pose::Zero();                            // at the last stamp
+  Eigen::Vector3d velocity_ = Eigen::Vector3d::Zero();  // in the frame of the body: m/s, m/s, rad/s
+  std::optional<double> last_stamp_;
+  std::optional<Scan> first_;  // until the next, which tells the velocity
+  std::optional<Pose> last_odometry_, last_update_;
+  // The last scan that was matched: the middle of its sweep and the pose then.
+  std::optional<double> last_match_;
+  Pose matched_pose_ = Pose::Zero();
+};
+
+}  // namespace intensity_hector_slam

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "intensity_hector_slam/multi_map.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace intensity_hector_slam {
+
+MultiMap::MultiMap(const MapOptions& options) : options_(options) {
+  options_.validate();
+  clear();
+}
+
+void MultiMap::clear() {
+  // All levels have the same borders: sizes are whole cells of the coarsest.
+  const double coarsest = options_.resolution * (1 << (options_.levels - 1));
+  const int width = std::max(2, static_cast<int>(std::lround(options_.size_x / coarsest)));
+  const int height = std::max(2, static_cast<int>(std::lround(options_.size_y / coarsest)));
+  const Eigen::Vector2d min(-coarsest * std::round(options_.start_x * width),
+                            -coarsest * std::round(options_.start_y * height));
+  levels_.clear();
+  for (int i = 0; i < options_.levels; ++i) {
+    const int scale = 1 << (options_.levels - 1 - i);
+    levels_.emplace_back(coarsest / scale, min, width * scale, height * scale);
+  }
+  updates_ = 0;
+}
+
+void MultiMap::update(const Scan& scan, const Pose& pose) {
+  if (options_.grow) growTo(scan, pose);
+  for (GridMap& level : levels_) level.update(scan, pose, options_);
+  ++updates_;
+}
+
+void MultiMap::growTo(const Scan& scan, const Pose& pose) {
+  const GridMap& coarsest = levels_.back();
+  const double cell = coarsest.resolution();
+  Eigen::AlignedBox2d seen(transform(pose, scan.origin.cast<double>()));
+  for (const Eigen::Vector2f& point : scan.points) seen.extend(transform(pose, point.cast<double>()));
+
+  // By no less than a quarter of the map, so that it doesn't grow with each scan.
+  const auto added = [&](double missing, int side) {
+    if (missing <= 0.0) return 0;
+    const int room = std::max(0, static_cast<int>(options_.max_size / cell) - side);
+    return static_cast<int>(std::min<double>(room, std::max(std::ceil(missing / cell) + 1.0, side / 4.0)));
+  };
+  const int width = coarsest.width(), height = coarsest.height();
+  const Eigen::Vector2d min = coarsest.origin(), max = min + cell * Eigen::Vector2d(width, height);
+  const Eigen::Array2d margin = Eigen::Array2d::Constant(cell);
+  const Eigen::Array2d low = min.array() - seen.min().array() + margin,
+                       high = seen.max().array() - max.array() + margin;
+  const int left = added(low.x(), width), right = added(high.x(), width + left);
+  const int below = added(low.y(), height), above = added(high.y(), height + below);
+  if (left + right + below + above == 0) return;
+  for (int i = 0; i < levels(); ++i) {
+    const int scale = 1 << (levels() - 1 - i);
+    levels_[i].grow(scale * left, scale * right, scale * below, scale * above);
+  }
+}
+
+}  // namespace intensity_hector_slam

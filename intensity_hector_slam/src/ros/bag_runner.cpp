@@ -1,0 +1,144 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "intensity_hector_slam/ros/bag_runner.h"
+
+#include <nav_msgs/Odometry.h>
+#include <rosbag/bag.h>
+#include <rosbag/view.h>
+#include <tf2/buffer_core.h>
+#include <tf2_eigen/tf2_eigen.h>
+#include <tf2_msgs/TFMessage.h>
+
+#include <chrono>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+
+namespace intensity_hector_slam {
+namespace {
+
+constexpr char kOdometry[] = "odometry", kBody[] = "body";
+
+// "scan" and "/scan" are one topic.
+std::vector<std::string> spellings(const std::string& topic) {
+  const std::string bare =
+      topic.substr(topic.find_first_not_of('/') == std::string::npos ? 0 : topic.find_first_not_of('/'));
+  return {bare, '/' + bare};
+}
+
+std::string withoutSlash(const std::string& frame) {
+  return !frame.empty() && frame[0] == '/' ? frame.substr(1) : frame;
+}
+
+// All transforms of a bag at once, so that each scan finds those after it.
+std::unique_ptr<tf2::BufferCore> makeBuffer(const rosbag::Bag& bag) {
+  rosbag::View all(bag);
+  return std::make_unique<tf2::BufferCore>(all.getEndTime() - all.getBeginTime() + ros::Duration(3600.0));
+}
+
+std::unique_ptr<tf2::BufferCore> readTransforms(const rosbag::Bag& bag) {
+  auto buffer = makeBuffer(bag);
+  rosbag::View view(bag,
+                    rosbag::TopicQuery(std::vector<std::string>{"/tf", "tf", "/tf_static", "tf_static"}));
+  for (const rosbag::MessageInstance& instance : view) {
+    const auto message = instance.instantiate<tf2_msgs::TFMessage>();
+    if (!message) continue;
+    const bool is_static = instance.getTopic().find("static") != std::string::npos;
+    for (geometry_msgs::TransformStamped transform : message->transforms) {
+      transform.header.frame_id = withoutSlash(transform.header.frame_id);
+      transform.child_frame_id = withoutSlash(transform.child_frame_id);
+      buffer->setTransform(transform, "bag", is_static);
+    }
+  }
+  return buffer;
+}
+
+// A topic of odometry as transforms from kOdometry to kBody.
+std::unique_ptr<tf2::BufferCore> readOdometry(const rosbag::Bag& bag, const std::string& topic) {
+  auto buffer = makeBuffer(bag);
+  rosbag::View view(bag, rosbag::TopicQuery(spellings(topic)));
+  if (view.size() == 0) throw std::runtime_error(bag.getFileName() + " has no messages on " + topic);
+  for (const rosbag::MessageInstance& instance : view) {
+    const auto message = instance.instantiate<nav_msgs::Odometry>();
+    if (!message) throw std::runtime_error(topic + " isn't a nav_msgs/Odometry");
+    geometry_msgs::TransformStamped transform;
+    transform.header.stamp = message->header.stamp;
+    transform.header.frame_id = kOdometry;
+    transform.child_frame_id = kBody;
+    const auto& pose = message->pose.pose;
+    transform.transform.translation.x = pose.position.x;
+    transform.transform.translation.y = pose.position.y;
+    transform.transform.translation.z = pose.position.z;
+    transform.transform.rotation = pose.orientation;
+    buffer->setTransform(transform, "bag");
+  }
+  return buffer;
+}
+
+Eigen::Isometry3d lookup(const tf2::BufferCore& buffer, const std::string& target, const std::string& source,
+                         const ros::Time& stamp) {
+  return tf2::transformToEigen(buffer.lookupTransform(target, source, stamp));
+}
+
+}  // namespace
+
+BagResult runBag(const BagOptions& options, const SlamParameters& parameters,
+                 const std::function<void(double)>& progress) {
+  rosbag::Bag bag(options.bag);
+  const auto transforms = readTransforms(bag);
+  const auto odometry_poses = options.odom_topic.empty() ? nullptr : readOdometry(bag, options.odom_topic);
+  rosbag::View view(bag, rosbag::TopicQuery(spellings(options.scan_topic)));
+  if (view.size() == 0) throw std::runtime_error(options.bag + " has no messages on " + options.scan_topic);
+
+  Slam slam(parameters.slam);
+  slam.setPose(parameters.start);
+  if (!parameters.map_file.empty()) {
+    slam.setMap(MultiMap::load(parameters.map_file, parameters.slam.map), parameters.start);
+  }
+  KeyPoses key_poses(parameters.key_pose_distance, parameters.key_pose_angle);
+  BagResult result;
+  std::size_t done = 0;
+  for (const rosbag::MessageInstance& instance : view) {
+    if (progress) progress(static_cast<double>(done) / view.size());
+    ++done;
+    const auto message = instance.instantiate<sensor_msgs::LaserScan>();
+    if (!message) throw std::runtime_error(options.scan_topic + " isn't a sensor_msgs/LaserScan");
+    try {
+      const std::string scanner = withoutSlash(message->header.frame_id);
+      const ros::Time& stamp = message->header.stamp;
+      if (done == 1) {
+        result.scanner_is_body = scanner == parameters.base_frame || !parameters.use_tf_scan_transformation ||
+                                 !transforms->_frameExists(scanner);
+        if (result.scanner_is_body && !options.odom_frame.empty() && scanner != parameters.base_frame &&
+            !transforms->_frameExists(parameters.base_frame)) {
+          throw std::runtime_error(options.bag + " has no transforms of " + parameters.base_frame);
+        }
+      }
+      const Eigen::Isometry3d sensor = result.scanner_is_body
+                                           ? Eigen::Isometry3d::Identity()
+                                           : lookup(*transforms, parameters.base_frame, scanner, stamp);
+      std::optional<Pose> odometry;
+      if (odometry_poses) {
+        odometry = toPose(lookup(*odometry_poses, kOdometry, kBody, stamp));
+      } else if (!options.odom_frame.empty()) {
+        odometry =
+            toPose(lookup(*transforms, withoutSlash(options.odom_frame), parameters.base_frame, stamp));
+      }
+      const Scan scan = toScan(*message, sensor, parameters.scan);
+      const auto start = std::chrono::steady_clock::now();
+      const SlamResult processed = slam.process(scan, odometry);
+      const std::chrono::duration<double> time = std::chrono::steady_clock::now() - start;
+      if (processed.time_jumped_back) key_poses.breakChain();
+      if (const auto edge = key_poses.add(scan.stamp, processed)) result.edges.push_back(*edge);
+      result.entries.push_back({scan.stamp, processed, time.count()});
+    } catch (const tf2::TransformException&) {
+      ++result.dropped["no transform"];
+    } catch (const std::invalid_argument&) {
+      ++result.dropped["malformed"];
+    }
+  }
+  if (progress) progress(1.0);
+  result.map = slam.map();
+  return result;
+}
+
+}  // namespace intensity_hector_slam

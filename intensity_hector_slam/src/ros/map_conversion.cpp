@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "intensity_hector_slam/ros/map_conversion.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <stdexcept>
+
+namespace intensity_hector_slam {
+namespace {
+
+template <class Value>
+nav_msgs::OccupancyGrid toGrid(const GridMap& map, const Value& value) {
+  nav_msgs::OccupancyGrid grid;
+  grid.info.resolution = static_cast<float>(map.resolution());
+  grid.info.width = map.width();
+  grid.info.height = map.height();
+  grid.info.origin.position.x = map.origin().x();
+  grid.info.origin.position.y = map.origin().y();
+  grid.info.origin.orientation.w = 1.0;
+  grid.data.resize(map.cells().size());
+  for (std::size_t i = 0; i < grid.data.size(); ++i) grid.data[i] = value(i);
+  return grid;
+}
+
+}  // namespace
+
+nav_msgs::OccupancyGrid toOccupancyGrid(const GridMap& map) {
+  return toGrid(map, [&map](std::size_t i) -> std::int8_t {
+    const GridMap::Cell& cell = map.cells()[i];
+    return GridMap::isKnown(cell) ? (GridMap::isOccupied(cell) ? 100 : 0) : -1;
+  });
+}
+
+nav_msgs::OccupancyGrid toReflectivityGrid(const GridMap& map) {
+  return toGrid(map, [&map](std::size_t i) -> std::int8_t {
+    if (map.counts()[i] == 0) return -1;
+    return static_cast<std::int8_t>(
+        std::lround(100.0f * std::clamp(map.cells()[i].reflectivity, 0.0f, 1.0f)));
+  });
+}
+
+mapping_msgs::EdgeConstraint toMessage(const Edge& edge, const std::string& map_frame,
+                                       const std::string& base_frame) {
+  mapping_msgs::EdgeConstraint message;
+  message.header.frame_id = map_frame;
+  message.from_stamp.fromSec(edge.from.stamp);
+  message.to_stamp.fromSec(edge.to.stamp);
+  message.header.stamp = message.to_stamp;
+  message.from_id = edge.from.id;
+  message.to_id = edge.to.id;
+  message.frame_id = base_frame;
+  message.type = mapping_msgs::EdgeConstraint::CONSECUTIVE;
+  message.has_transform = true;
+  message.transform = toMessage(edge.transform);
+  constexpr std::array<int, 3> kRows = {0, 1, 5};  // x, y, yaw
+  for (int row = 0; row < 3; ++row) {
+    for (int column = 0; column < 3; ++column) {
+      message.information[6 * kRows[row] + kRows[column]] = edge.information(row, column);
+    }
+  }
+  message.similarity = 1.0F;
+  return message;
+}
+
+geometry_msgs::Pose toMessage(const Pose& pose) {
+  geometry_msgs::Pose message;
+  message.position.x = pose.x();
+  message.position.y = pose.y();
+  message.orientation.z = std::sin(0.5 * pose.z());
+  message.orientation.w = std::cos(0.5 * pose.z());
+  return message;
+}
+
+Pose toPose(const geometry_msgs::Pose& message) {
+  const auto& q = message.orientation;
+  const double norm = q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w;
+  const Pose pose(message.position.x, message.position.y,
+                  std::atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z)));
+  if (!pose.allFinite() || !(norm > 0.9 && norm < 1.1)) {
+    throw std::invalid_argument("not a pose: not finite, or an orientation that isn't a unit quaternion");
+  }
+  return pose;
+}
+
+}  // namespace intensity_hector_slam

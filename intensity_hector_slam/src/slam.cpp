@@ -1,0 +1,211 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "intensity_hector_slam/slam.h"
+
+#include <cmath>
+#include <stdexcept>
+#include <utility>
+
+namespace intensity_hector_slam {
+
+std::string toString(Status status) {
+  switch (status) {
+    case Status::kStarted:
+      return "started";
+    case Status::kMatched:
+      return "matched";
+    case Status::kUnobservable:
+      return "unobservable";
+    case Status::kRejected:
+      return "rejected";
+    case Status::kEmpty:
+      return "empty";
+  }
+  return "";
+}
+
+Slam::Slam(const SlamOptions& options) : options_(options), map_(options.map), matcher_(options.matcher) {
+  options_.validate();
+}
+
+void Slam::setOptions(const SlamOptions& options) {
+  options.validate();
+  matcher_ = ScanMatcher(options.matcher);
+  const MapOptions map = options_.map;
+  options_ = options;
+  options_.map = map;
+}
+
+void Slam::setPose(const Pose& pose) {
+  pose_ = {pose.x(), pose.y(), wrapAngle(pose.z())};
+  velocity_.setZero();
+  last_stamp_.reset();
+  last_match_.reset();
+  last_odometry_.reset();
+  last_update_.reset();
+  first_.reset();
+}
+
+void Slam::reset(const Pose& pose) {
+  map_.clear();
+  setPose(pose);
+}
+
+void Slam::setMap(MultiMap map, const Pose& pose) {
+  map_ = std::move(map);
+  options_.map = map_.options();
+  setPose(pose);
+}
+
+SlamResult Slam::process(const Scan& scan, const std::optional<Pose>& odometry) {
+  if (!scan.reflectivities.empty() && scan.reflectivities.size() != scan.points.size()) {
+    throw std::invalid_argument("a scan has another number of reflectivities than of points");
+  }
+  if (!scan.times.empty() && scan.times.size() != scan.points.size()) {
+    throw std::invalid_argument("a scan has another number of times than of points");
+  }
+  SlamResult result;
+  predict(scan.stamp, odometry, result);
+  if (static_cast<int>(scan.points.size()) < options_.min_points) {
+    result.status = Status::kEmpty;
+    result.pose = result.guess;
+    result.covariance = unknownCovariance();
+  } else {
+    const bool unsure =
+        !last_match_ || result.gap > 0.0 || result.time_jumped_back ||
+        (!(odometry && last_odometry_) && scan.stamp - *last_stamp_ >= options_.matcher.search_gap);
+    const Pose guess = result.guess;
+    follow(scan, unsure, result);
+    if (result.status == Status::kStarted && options_.deskew && !scan.times.empty()) {
+      first_ = scan;
+    } else if (first_ && result.status != Status::kRejected) {
+      startAgain();
+      result.guess = guess;
+      follow(scan, unsure, result);
+    }
+  }
+  if (result.status != Status::kStarted) first_.reset();
+  pose_ = result.pose;
+  last_stamp_ = scan.stamp;
+  last_odometry_ = odometry;
+  return result;
+}
+
+// The first guess.
+void Slam::predict(double stamp, const std::optional<Pose>& odometry, SlamResult& result) {
+  const double elapsed = last_stamp_ ? stamp - *last_stamp_ : 0.0;
+  result.time_jumped_back = elapsed < -options_.max_gap;  // less is out of order
+  if (elapsed > options_.max_gap) result.gap = elapsed;
+  const bool follows = last_match_ && stamp > *last_match_ && stamp - *last_match_ <= options_.max_gap;
+  if (!follows) velocity_.setZero();
+
+  Pose motion = Pose::Zero();
+  if (options_.guess == Guess::kOdometry && odometry && last_odometry_) {
+    motion = between(*last_odometry_, *odometry);
+    if (follows && elapsed > 0.0) velocity_ = motion / elapsed;
+  } else if (options_.guess != Guess::kLastPose && follows && elapsed > 0.0) {
+    motion = velocity_ * elapsed;
+  }
+  result.guess = compose(pose_, motion);
+}
+
+// The pose is sought at the middle of the sweep: there it doesn't depend on the velocity that is assumed for
+// the sweep. Sought at its start, an error of the velocity would give one of the pose, and that the next
+// velocity's.
+void Slam::follow(const Scan& scan, bool unsure, SlamResult& result) {
+  const double middle = deskew(scan);
+  result.guess = compose(result.guess, velocity_ * middle);
+  place(deskewed_, unsure, result);
+  updateVelocity(scan.stamp + middle, result);
+  for (Pose* pose : {&result.pose, &result.guess}) *pose = compose(*pose, -velocity_ * middle);
+}
+
+// Now that the velocity is known, the first scan goes into the map as it should have.
+void Slam::startAgain() {
+  map_.clear();
+  const double middle = deskew(*first_);
+  matched_pose_ = compose(pose_, velocity_ * middle);
+  last_match_ = first_->stamp + middle;
+  map_.update(deskewed_, matched_pose_);
+  last_update_ = matched_pose_;
+}
+
+// To the middle of the sweep. @return the time from the stamp to there, s
+double Slam::deskew(const Scan& scan) {
+  deskewed_ = scan;
+  if (!options_.deskew || scan.times.empty()) return 0.0;
+  const double middle = 0.5 * (scan.times.front() + scan.times.back());
+  if (velocity_.isZero()) return middle;
+  for (std::size_t i = 0; i < scan.points.size(); ++i) {
+    const Pose motion = velocity_ * (scan.times[i] - middle);
+    deskewed_.points[i] = transform(motion, scan.points[i].cast<double>()).cast<float>();
+  }
+  return middle;
+}
+
+void Slam::place(const Scan& scan, bool unsure, SlamResult& result) {
+  result.pose = result.guess;
+  if (map_.updates() == 0) {
+    result.status = options_.localization ? Status::kRejected : Status::kStarted;
+    if (options_.localization) {
+      result.covariance = unknownCovariance();
+      return;
+    }
+  } else {
+    const Search search = options_.matcher.search;
+    const bool at_once = search == Search::kAlways || (search == Search::kWhenUnsure && unsure);
+    result.match = matcher_.match(map_, scan, result.guess, at_once);
+    if (!accepts(result.match, result.guess) && search == Search::kWhenUnsure && !at_once) {
+      result.match = matcher_.match(map_, scan, result.guess, true);
+    }
+    if (!accepts(result.match, result.guess)) {
+      result.status = Status::kRejected;
+      result.covariance = unknownCovariance();
+      return;
+    }
+    result.status = result.match.observable == 3 ? Status::kMatched : Status::kUnobservable;
+    result.pose = result.match.pose;
+    result.covariance = result.match.covariance;
+  }
+  updateMap(scan, result);
+}
+
+void Slam::updateMap(const Scan& scan, SlamResult& result) {
+  if (options_.localization) return;
+  const Pose moved = last_update_ ? between(*last_update_, result.pose) : Pose::Zero();
+  if (!last_update_ || moved.head<2>().norm() >= options_.update_distance ||
+      std::abs(moved.z()) >= options_.update_angle) {
+    map_.update(scan, result.pose);
+    last_update_ = result.pose;
+    result.map_updated = true;
+  }
+}
+
+bool Slam::accepts(const Match& match, const Pose& guess) const {
+  const Pose correction = between(guess, match.pose);
+  return match.pose.allFinite() && match.observable > 0 &&
+         match.contradiction <= options_.max_contradiction &&
+         correction.head<2>().norm() <= options_.max_correction_distance &&
+         std::abs(correction.z()) <= options_.max_correction_angle;
+}
+
+Eigen::Matrix3d Slam::unknownCovariance() const {
+  const double d = options_.matcher.unobservable_distance, a = options_.matcher.unobservable_angle;
+  return Eigen::Vector3d(d * d, d * d, a * a).asDiagonal();
+}
+
+void Slam::updateVelocity(double middle, const SlamResult& result) {
+  if (result.status == Status::kRejected) return;
+  const double elapsed = last_match_ ? middle - *last_match_ : 0.0;
+  if (elapsed > 0.0 && elapsed <= options_.max_gap) {
+    // A velocity that can't be observed would never end.
+    Pose motion(result.pose - matched_pose_);
+    motion.z() = wrapAngle(motion.z());
+    motion -= result.match.unobservable_part * motion;
+    velocity_ =
+        between(Pose(0.0, 0.0, matched_pose_.z()), motion + Pose(0.0, 0.0, matched_pose_.z())) / elapsed;
+  }
+  last_match_ = middle;
+  matched_pose_ = result.pose;
+}
+
+}  // namespace intensity_hector_slam

@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "flat_world.h"
+#include "intensity_hector_slam/ros/map_conversion.h"
+#include "intensity_hector_slam/ros/scan_conversion.h"
+
+namespace intensity_hector_slam {
+namespace {
+
+sensor_msgs::LaserScan message(const std::vector<float>& ranges) {
+  sensor_msgs::LaserScan scan;
+  scan.header.stamp = ros::Time(100.5);
+  scan.angle_min = -0.5F;
+  scan.angle_increment = 0.25F;
+  scan.range_min = 0.1F;
+  scan.range_max = 20.0F;
+  scan.time_increment = 0.001F;
+  scan.ranges = ranges;
+  return scan;
+}
+
+TEST(ToScan, LeavesOutWhatWasNotMeasured) {
+  constexpr float kInfinity = std::numeric_limits<float>::infinity();
+  auto scan = message({5.0F, kInfinity, -kInfinity, std::nanf(""), 0.3F, 25.0F, 2.0F});
+  scan.intensities = {100, 200, 300, 400, 500, 600, 700};
+  ScanLimits limits;
+  limits.reflectivity_scale = 0.001;
+  const Scan converted = toScan(scan, Eigen::Isometry3d::Identity(), limits);
+  ASSERT_EQ(2u, converted.points.size());
+  EXPECT_EQ(100.5, converted.stamp);
+  EXPECT_NEAR(5.0 * std::cos(-0.5), converted.points[0].x(), 1e-5);
+  EXPECT_NEAR(2.0 * std::sin(1.0), converted.points[1].y(), 1e-5);
+  EXPECT_FLOAT_EQ(0.1F, converted.reflectivities[0]);
+  EXPECT_FLOAT_EQ(0.7F, converted.reflectivities[1]);
+  EXPECT_FLOAT_EQ(0.006F, converted.times[1]);
+}
+
+TEST(ToScan, IsInTheFrameOfTheBody) {
+  Eigen::Isometry3d mount(Eigen::AngleAxisd(M_PI / 2.0, Eigen::Vector3d::UnitZ()));
+  mount.translation() << 1.0, 2.0, 0.3;
+  const Scan converted = toScan(message({0, 0, 3.0F}), mount, {});
+  EXPECT_LT((converted.points[0] - Eigen::Vector2f(1.0F, 5.0F)).norm(), 1e-5F);
+  EXPECT_EQ(Eigen::Vector2f(1.0F, 2.0F), converted.origin);
+  EXPECT_TRUE(converted.reflectivities.empty());
+}
+
+TEST(ToScan, CutsTheFloorThatATiltedScannerSees) {
+  const Eigen::Isometry3d mount(Eigen::AngleAxisd(0.2, Eigen::Vector3d::UnitY()));
+  EXPECT_EQ(1u, toScan(message({0, 0, 4.0F}), mount, {}).points.size());
+  EXPECT_EQ(0u, toScan(message({0, 0, 6.0F}), mount, {}).points.size());
+}
+
+TEST(ToScan, RefusesMalformedMessages) {
+  const auto expectRefused = [](const std::function<void(sensor_msgs::LaserScan&)>& damage) {
+    auto scan = message({1, 2, 3});
+    damage(scan);
+    EXPECT_THROW(toScan(scan, Eigen::Isometry3d::Identity(), {}), std::invalid_argument);
+  };
+  expectRefused([](auto& scan) { scan.intensities = {1}; });
+  expectRefused([](auto& scan) { scan.angle_min = std::nanf(""); });
+  expectRefused([](auto& scan) { scan.angle_increment = std::numeric_limits<float>::infinity(); });
+  expectRefused([](auto& scan) { scan.time_increment = std::nanf(""); });
+  expectRefused([](auto& scan) { scan.range_max = 0.0F; });
+  expectRefused([](auto& scan) { scan.range_min = std::nanf(""); });
+}
+
+TEST(MapConversion, ShowsWhatCellsAre) {
+  GridMap map(0.5, {-1.0, 2.0}, 4, 3);
+  map.set(1, 0, {0.9F, 0.4F}, 3);
+  map.set(2, 1, {0.1F, 0.0F}, 0);
+  map.set(3, 2, {0.8F, 1.7F}, 1);
+  const auto occupancy = toOccupancyGrid(map), reflectivity = toReflectivityGrid(map);
+  EXPECT_EQ(4u, occupancy.info.width);
+  EXPECT_EQ(3u, occupancy.info.height);
+  EXPECT_EQ(-1.0, occupancy.info.origin.position.x);
+  EXPECT_EQ(2.0, occupancy.info.origin.position.y);
+  EXPECT_EQ(100, occupancy.data[1]);
+  EXPECT_EQ(0, occupancy.data[6]);
+  EXPECT_EQ(-1, occupancy.data[0]);
+  EXPECT_EQ(40, reflectivity.data[1]);
+  EXPECT_EQ(-1, reflectivity.data[6]);
+  EXPECT_EQ(100, reflectivity.data[11]);
+}
+
+TEST(MapConversion, PosesGoThereAndBack) {
+  const Pose pose(1.0, -2.0, 3.0);
+  EXPECT_LT((toPose(toMessage(pose)) - pose).norm(), 1e-12);
+  EXPECT_LT((toPose(toIsometry(pose)) - pose).norm(), 1e-12);
+  geometry_msgs::Pose no_orientation;
+  EXPECT_THROW(toPose(no_orientation), std::invalid_argument);
+  geometry_msgs::Pose nan = toMessage(pose);
+  nan.position.x = std::nan("");
+  EXPECT_THROW(toPose(nan), std::invalid_argument);
+}
+
+TEST(MapConversion, EdgesKeepTheirInformation) {
+  Edge edge;
+  edge.from = {3, 10.0, {1, 2, 3}};
+  edge.to = {4, 12.5, {2, 2, 3}};
+  edge.transform = {1.0, 0.5, 0.2};
+  edge.information << 1, 2, 3, 2, 5, 6, 3, 6, 9;
+  const auto message = toMessage(edge, "map", "base_link");
+  EXPECT_EQ(ros::Time(10.0), message.from_stamp);
+  EXPECT_EQ(ros::Time(12.5), message.header.stamp);
+  EXPECT_EQ(3u, message.from_id);
+  EXPECT_EQ(4u, message.to_id);
+  EXPECT_TRUE(message.has_transform);
+  EXPECT_EQ(mapping_msgs::EdgeConstraint::CONSECUTIVE, message.type);
+  EXPECT_EQ(2.0, message.information[1]);
+  EXPECT_EQ(3.0, message.information[5]);
+  EXPECT_EQ(9.0, message.information[35]);
+  EXPECT_EQ(0.0, message.information[14]);
+  EXPECT_EQ("base_link", message.frame_id);
+}
+
+}  // namespace
+}  // namespace intensity_hector_slam

@@ -1,0 +1,203 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "flat_world.h"
+#include "intensity_hector_slam/multi_map.h"
+
+namespace intensity_hector_slam {
+namespace {
+
+Scan beamTo(const Eigen::Vector2f& end, float reflectivity = 0.5f) {
+  Scan scan;
+  scan.points = {end};
+  scan.reflectivities = {reflectivity};
+  return scan;
+}
+
+GridMap randomMap(unsigned seed) {
+  GridMap map(0.1, {-1.0, -1.0}, 20, 20);
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<float> value(0.01f, 0.99f);
+  for (int y = 0; y < map.height(); ++y) {
+    for (int x = 0; x < map.width(); ++x) map.set(x, y, {value(random), value(random)}, 1);
+  }
+  return map;
+}
+
+Eigen::Vector2d centre(const GridMap& map, int x, int y) {
+  return map.origin() + map.resolution() * Eigen::Vector2d(x + 0.5, y + 0.5);
+}
+
+TEST(GridMap, InterpolationTakesTheValueOfACellAtItsCentre) {
+  const GridMap map = randomMap(1);
+  for (const auto& [x, y] : {std::pair(3, 4), std::pair(10, 0), std::pair(0, 12)}) {
+    const auto at = map.interpolate(centre(map, x, y) + Eigen::Vector2d::Constant(1e-9));
+    EXPECT_NEAR(map.cell(x, y).occupancy, at.value[0], 1e-5);
+    EXPECT_NEAR(map.cell(x, y).reflectivity, at.value[1], 1e-5);
+  }
+}
+
+// The weight of a cell falls with the distance from it, other than section 3.4.1 prints.
+TEST(GridMap, InterpolationIsNearerToTheNearerCell) {
+  const GridMap map = randomMap(2);
+  const float left = map.cell(5, 5).reflectivity, right = map.cell(6, 5).reflectivity;
+  const auto at = map.interpolate(centre(map, 5, 5) + Eigen::Vector2d(0.02, 1e-9));
+  EXPECT_NEAR(0.8f * left + 0.2f * right, at.value[1], 1e-5);
+  const float above = map.cell(5, 6).occupancy, here = map.cell(5, 5).occupancy;
+  EXPECT_NEAR(0.3f * here + 0.7f * above,
+              map.interpolate(centre(map, 5, 5) + Eigen::Vector2d(1e-9, 0.07)).value[0], 1e-5);
+}
+
+TEST(GridMap, DerivativesAreFiniteDifferences) {
+  const GridMap map = randomMap(3);
+  std::mt19937 random(4);
+  std::uniform_real_distribution<double> fraction(0.1, 0.9);
+  constexpr double kStep = 0.005;
+  for (int i = 0; i < 50; ++i) {
+    const Eigen::Vector2d p =
+        centre(map, i % 17, i % 13) + 0.1 * Eigen::Vector2d(fraction(random), fraction(random));
+    const Eigen::Vector2d x(kStep, 0.0), y(0.0, kStep);
+    const auto at = map.interpolate(p);
+    const Eigen::Array2f dx = (map.interpolate(p + x).value - map.interpolate(p - x).value) / (2.0f * kStep);
+    const Eigen::Array2f dy = (map.interpolate(p + y).value - map.interpolate(p - y).value) / (2.0f * kStep);
+    EXPECT_LT((at.dx - dx).abs().maxCoeff(), 5e-3f);
+    EXPECT_LT((at.dy - dy).abs().maxCoeff(), 5e-3f);
+  }
+}
+
+TEST(GridMap, BeyondTheMapNothingWasObserved) {
+  const GridMap map = randomMap(5);
+  for (const Eigen::Vector2d& p : {Eigen::Vector2d(5.0, 0.0), Eigen::Vector2d(-1.0, -1.0),
+                                   Eigen::Vector2d(1e30, 0.0), Eigen::Vector2d(0.0, std::nan(""))}) {
+    const auto at = map.interpolate(p);
+    EXPECT_EQ(0.5f, at.value[0]);
+    EXPECT_EQ(0.0f, at.value[1]);
+    EXPECT_TRUE((at.dx == 0.0f).all() && (at.dy == 0.0f).all());
+    EXPECT_EQ(nullptr, p.x() == -1.0 ? nullptr : map.find(p));
+  }
+}
+
+// Eq. 2.6 in section 3.4.1.
+TEST(GridMap, OccupancyIsThatOfBayes) {
+  MapOptions options;
+  options.update_factor_free = 0.3;
+  options.update_factor_occupied = 0.8;
+  GridMap map(0.1, {-1.0, -1.0}, 20, 20);
+  const Scan scan = beamTo({0.5f, 0.0f});
+  map.update(scan, {0.05, 0.05, 0.0}, options);
+  EXPECT_NEAR(0.8f, map.cell(15, 10).occupancy, 1e-6);
+  for (int x = 10; x < 15; ++x) EXPECT_NEAR(0.3f, map.cell(x, 10).occupancy, 1e-6) << x;
+  EXPECT_FALSE(GridMap::isKnown(map.cell(9, 10)));
+  EXPECT_FALSE(GridMap::isKnown(map.cell(16, 10)));
+  map.update(scan, {0.05, 0.05, 0.0}, options);
+  EXPECT_NEAR(0.64 / (0.64 + 0.04), map.cell(15, 10).occupancy, 1e-6);
+  for (int i = 0; i < 50; ++i) map.update(scan, {0.05, 0.05, 0.0}, options);
+  EXPECT_FLOAT_EQ(options.max_probability, map.cell(15, 10).occupancy);
+  EXPECT_FLOAT_EQ(options.min_probability, map.cell(12, 10).occupancy);
+}
+
+TEST(GridMap, AScanUpdatesACellOnce) {
+  const MapOptions options;
+  GridMap once(0.1, {-1.0, -1.0}, 20, 20), many = once;
+  Scan scan = beamTo({0.51f, 0.0f});
+  once.update(scan, Pose::Zero(), options);
+  for (int i = 0; i < 10; ++i) scan.points.push_back({0.51f, 0.001f * i});
+  scan.points.push_back({0.85f, 0.0f});  // crosses the cell of the others
+  scan.reflectivities.assign(scan.points.size(), 0.5f);
+  many.update(scan, Pose::Zero(), options);
+  EXPECT_EQ(once.cell(15, 10).occupancy, many.cell(15, 10).occupancy);
+  EXPECT_EQ(once.cell(12, 10).occupancy, many.cell(12, 10).occupancy);
+}
+
+TEST(GridMap, ReflectivityIsTheMeanOfTheHits) {
+  MapOptions options;
+  GridMap map(0.1, {-1.0, -1.0}, 20, 20);
+  float sum = 0.0f;
+  for (int i = 1; i <= 9; ++i) {
+    map.update(beamTo({0.51f, 0.01f}, 0.1f * i), Pose::Zero(), options);
+    sum += 0.1f * i;
+    EXPECT_NEAR(sum / i, map.cell(15, 10).reflectivity, 1e-6);
+    EXPECT_EQ(i, map.count(15, 10));
+  }
+  map.update(beamTo({0.51f, 0.01f}, std::nanf("")), Pose::Zero(), options);
+  EXPECT_EQ(9, map.count(15, 10));
+  options.max_count = 9;
+  map.update(beamTo({0.51f, 0.01f}, 1.4f), Pose::Zero(), options);
+  EXPECT_NEAR(0.5f + 0.1f, map.cell(15, 10).reflectivity, 1e-6);
+}
+
+TEST(GridMap, WhatMovedAwayIsForgotten) {
+  const MapOptions options;
+  GridMap map(0.1, {-1.0, -1.0}, 20, 20);
+  map.update(beamTo({0.51f, 0.01f}, 0.9f), Pose::Zero(), options);
+  for (int i = 0; i < 40; ++i) map.update(beamTo({0.81f, 0.01f}), Pose::Zero(), options);
+  EXPECT_TRUE(GridMap::isFree(map.cell(15, 10)));
+  EXPECT_EQ(0.0f, map.cell(15, 10).reflectivity);
+  EXPECT_EQ(0, map.count(15, 10));
+}
+
+TEST(MultiMap, LevelsHaveTheSameBorders) {
+  MapOptions options;
+  options.levels = 4;
+  options.start_x = 0.3;
+  const MultiMap map(options);
+  for (int i = 0; i < 4; ++i) {
+    EXPECT_NEAR(0.025 * (1 << i), map.level(i).resolution(), 1e-12);
+    EXPECT_EQ(map.level(0).origin(), map.level(i).origin());
+    EXPECT_EQ(map.level(0).width(), map.level(i).width() << i);
+    EXPECT_EQ(map.level(0).height(), map.level(i).height() << i);
+  }
+}
+
+TEST(MultiMap, GrowsWithWhatIsSeen) {
+  MapOptions options;
+  options.size_x = options.size_y = 3.2;
+  MultiMap map(options);
+  const Scan scan = look(furnishedRoom(), Pose::Zero(), {});
+  map.update(scan, Pose::Zero());
+  for (int i = 0; i < map.levels(); ++i) {
+    for (const Eigen::Vector2f& point : scan.points) {
+      const GridMap::Cell* cell = map.level(i).find(point.cast<double>());
+      ASSERT_NE(nullptr, cell);
+      EXPECT_TRUE(GridMap::isOccupied(*cell));
+    }
+  }
+  // The same as in a map that was large enough before.
+  options.size_x = options.size_y = 25.6;
+  MultiMap large(options);
+  large.update(scan, Pose::Zero());
+  for (const Eigen::Vector2d& p :
+       {Eigen::Vector2d(1.0, 1.0), Eigen::Vector2d(-4.0, 0.3), Eigen::Vector2d(2.0, -0.7)}) {
+    EXPECT_FLOAT_EQ(large.level(0).interpolate(p).value[0], map.level(0).interpolate(p).value[0]);
+  }
+}
+
+TEST(MultiMap, DoesNotGrowBeyondItsLimit) {
+  MapOptions options;
+  options.size_x = options.size_y = 3.2;
+  options.max_size = 6.4;
+  MultiMap map(options);
+  Scan scan = beamTo({500.0f, 0.0f});
+  map.update(scan, Pose::Zero());
+  EXPECT_LE(map.level(0).width() * 0.025, 6.4 + 1e-9);
+  options.grow = false;
+  MultiMap fixed(options);
+  fixed.update(scan, Pose::Zero());
+  EXPECT_EQ(128, fixed.level(0).width());
+}
+
+TEST(MapOptions, SayWhatIsWrong) {
+  MapOptions options;
+  options.update_factor_free = 0.7;
+  try {
+    MultiMap map(options);
+    FAIL();
+  } catch (const std::invalid_argument& e) {
+    EXPECT_EQ("update_factor_free is 0.7, allowed is 0.001 to 0.499", std::string(e.what()));
+  }
+}
+
+}  // namespace
+}  // namespace intensity_hector_slam

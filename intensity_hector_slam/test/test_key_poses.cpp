@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <gtest/gtest.h>
+
+#include <Eigen/LU>
+
+#include "intensity_hector_slam/key_poses.h"
+
+namespace intensity_hector_slam {
+namespace {
+
+SlamResult at(const Pose& pose) {
+  SlamResult result;
+  result.status = Status::kMatched;
+  result.pose = pose;
+  result.covariance = Eigen::Vector3d(0.01, 0.04, 0.001).asDiagonal();
+  return result;
+}
+
+TEST(KeyPoses, AreApart) {
+  KeyPoses key_poses(0.5, 0.3);
+  EXPECT_FALSE(key_poses.add(1.0, at({0.0, 0.0, 0.0})));
+  EXPECT_FALSE(key_poses.add(2.0, at({0.4, 0.0, 0.2})));
+  const auto moved = key_poses.add(3.0, at({0.6, 0.0, 0.2}));
+  ASSERT_TRUE(moved);
+  EXPECT_EQ(0u, moved->from.id);
+  EXPECT_EQ(1u, moved->to.id);
+  EXPECT_EQ(1.0, moved->from.stamp);
+  EXPECT_EQ(3.0, moved->to.stamp);
+  EXPECT_TRUE(key_poses.add(4.0, at({0.6, 0.0, -0.2})));
+}
+
+TEST(KeyPoses, EdgesAreInTheFrameOfTheEarlierPose) {
+  KeyPoses key_poses;
+  key_poses.add(1.0, at({1.0, 1.0, M_PI / 2.0}));
+  const auto edge = key_poses.add(2.0, at({1.0, 3.0, M_PI}));
+  ASSERT_TRUE(edge);
+  EXPECT_LT((edge->transform - Pose(2.0, 0.0, M_PI / 2.0)).norm(), 1e-12);
+  // The map's y is its x.
+  EXPECT_NEAR(1.0 / 0.04, edge->information(0, 0), 1e-6);
+  EXPECT_NEAR(1.0 / 0.01, edge->information(1, 1), 1e-6);
+  EXPECT_NEAR(1.0 / 0.001, edge->information(2, 2), 1e-6);
+}
+
+TEST(KeyPoses, LeaveOutWhatWasNotMatched) {
+  KeyPoses key_poses;
+  key_poses.add(1.0, at(Pose::Zero()));
+  SlamResult rejected = at({5.0, 0.0, 0.0});
+  rejected.status = Status::kRejected;
+  EXPECT_FALSE(key_poses.add(2.0, rejected));
+  key_poses.breakChain();
+  EXPECT_FALSE(key_poses.add(3.0, at({5.0, 0.0, 0.0})));
+  EXPECT_EQ(2u, key_poses.add(4.0, at({6.0, 0.0, 0.0}))->to.id);
+}
+
+TEST(KeyPoses, SayWhatIsWrong) {
+  EXPECT_THROW(KeyPoses(0.0, 1.0), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace intensity_hector_slam

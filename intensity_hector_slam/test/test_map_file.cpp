@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <gtest/gtest.h>
+#include <mapping_common/files.h>
+#include <mapping_common/testing/temp_dir.h>
+
+#include <boost/crc.hpp>
+
+#include "flat_world.h"
+#include "intensity_hector_slam/multi_map.h"
+
+namespace intensity_hector_slam {
+namespace {
+
+using mapping_common::errorOf;
+using mapping_common::mentions;
+
+class MapFile : public ::testing::Test {
+ protected:
+  MapFile() {
+    MapOptions options;
+    options.resolution = 0.05;
+    map_ = MultiMap(options);
+    map_.update(look(furnishedRoom(), Pose::Zero(), {}), Pose::Zero());
+    map_.save(path_);
+    bytes_ = mapping_common::readFile(path_);
+  }
+  void expectRefused(const std::string& bytes, const char* why) {
+    const std::string path = dir_.write("bad.map", bytes);
+    EXPECT_TRUE(mentions(errorOf([&] { MultiMap::load(path); }), {"bad.map", why}));
+  }
+  static std::string withChecksum(std::string bytes) {
+    boost::crc_32_type crc;
+    crc.process_bytes(bytes.data(), bytes.size() - 4);
+    const std::uint32_t sum = crc.checksum();
+    std::memcpy(&bytes[bytes.size() - 4], &sum, 4);
+    return bytes;
+  }
+
+  mapping_common::TempDir dir_;
+  const std::string path_ = dir_.path("room.map");
+  MultiMap map_;
+  std::string bytes_;
+};
+
+TEST_F(MapFile, HoldsAllOfAMap) {
+  const MultiMap loaded = MultiMap::load(path_);
+  ASSERT_EQ(map_.levels(), loaded.levels());
+  for (int i = 0; i < map_.levels(); ++i) {
+    const GridMap &a = map_.level(i), &b = loaded.level(i);
+    EXPECT_EQ(a.origin(), b.origin());
+    EXPECT_EQ(a.resolution(), b.resolution());
+    ASSERT_EQ(a.cells().size(), b.cells().size());
+    EXPECT_EQ(0, std::memcmp(a.cells().data(), b.cells().data(), a.cells().size() * sizeof(GridMap::Cell)));
+    EXPECT_EQ(a.counts(), b.counts());
+  }
+  EXPECT_EQ(0.05, loaded.options().resolution);
+  loaded.save(dir_.path("again.map"));
+  EXPECT_EQ(bytes_, mapping_common::readFile(dir_.path("again.map")));
+}
+
+TEST_F(MapFile, AnEmptyMapIsOne) {
+  MultiMap().save(path_);
+  EXPECT_TRUE(MultiMap::load(path_).level(0).knownCells().isEmpty());
+}
+
+TEST_F(MapFile, DamageIsRefused) {
+  expectRefused("", "isn't a reflectivity SLAM map");
+  expectRefused("P5\n100 100\n", "isn't a reflectivity SLAM map");
+  for (const std::size_t size :
+       {std::size_t(8), std::size_t(15), std::size_t(60), bytes_.size() / 2, bytes_.size() - 1}) {
+    const std::string path = dir_.write("short.map", bytes_.substr(0, size));
+    EXPECT_TRUE(mentions(errorOf([&] { MultiMap::load(path); }), {"short.map", "truncated"})) << size;
+  }
+  for (std::size_t at = 8; at < bytes_.size(); at += 997) {
+    std::string damaged = bytes_;
+    damaged[at] ^= 0x10;
+    EXPECT_NE("", errorOf([&] { MultiMap::load(dir_.write("bad.map", damaged)); })) << at;
+  }
+  EXPECT_TRUE(mentions(errorOf([] { MultiMap::load("/nowhere/a.map"); }), {"/nowhere/a.map"}));
+}
+
+TEST_F(MapFile, NonsenseWithAValidChecksumIsRefused) {
+  const auto patched = [this](std::size_t at, auto value) {
+    std::string bytes = bytes_;
+    std::memcpy(&bytes[at], &value, sizeof(value));
+    return withChecksum(bytes);
+  };
+  expectRefused(patched(8, std::uint32_t(7)), "format version 7");
+  expectRefused(patched(12, std::uint32_t(0)), "levels");
+  expectRefused(patched(12, std::uint32_t(1u << 31)), "levels");
+  expectRefused(patched(12, std::uint32_t(2)), "more in it");
+  expectRefused(patched(16, -1.0), "impossible bounds");
+  expectRefused(patched(40, std::int32_t(1 << 30)), "larger than max_size");
+  expectRefused(patched(56, std::int32_t(1 << 30)), "impossible bounds");
+  expectRefused(patched(64, 2.0f), "no probability");
+}
+
+TEST_F(MapFile, WhatCannotBeWrittenIsSaid) {
+  EXPECT_TRUE(mentions(errorOf([this] { map_.save("/nowhere/a.map"); }), {"/nowhere/a.map"}));
+}
+
+}  // namespace
+}  // namespace intensity_hector_slam

@@ -1,0 +1,193 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <gtest/gtest.h>
+
+#include <Eigen/LU>
+
+#include "flat_world.h"
+#include "intensity_hector_slam/scan_matcher.h"
+
+namespace intensity_hector_slam {
+namespace {
+
+constexpr Cost kCosts[] = {Cost::kOccupancy, Cost::kReflectivity, Cost::kCombined, Cost::kAuto};
+
+// A map from scans at true poses around the origin.
+MultiMap mapOf(const std::vector<Wall>& walls, const Scanner& scanner, int scans = 30, double reach = 0.4) {
+  MultiMap map;
+  for (int i = 0; i < scans; ++i) {
+    const Pose pose(reach * std::sin(0.7 * i), 0.3 * std::cos(1.1 * i), 0.3 * i);
+    map.update(look(walls, pose, scanner, 100 + i), pose);
+  }
+  return map;
+}
+
+Scanner noisy() {
+  Scanner scanner;
+  scanner.range_noise = 0.005;
+  scanner.reflectivity_noise = 0.02;
+  return scanner;
+}
+
+MatcherOptions optionsOf(Cost cost) {
+  MatcherOptions options;
+  options.cost = cost;
+  return options;
+}
+
+TEST(ScanMatcher, GradientIsThatOfTheCost) {
+  const MultiMap map = mapOf(furnishedRoom(), noisy(), 10);
+  Scan scan = look(furnishedRoom(), Pose(0.1, -0.2, 0.4), noisy(), 5);
+  scan.reflectivities[7] = std::nanf("");
+  for (const RobustKernel kernel :
+       {RobustKernel::kNone, RobustKernel::kHuber, RobustKernel::kCauchy, RobustKernel::kTukey}) {
+    for (const Cost cost : {Cost::kOccupancy, Cost::kReflectivity, Cost::kCombined}) {
+      MatcherOptions options = optionsOf(cost);
+      options.robust_kernel = kernel;
+      options.reflectivity_weight = 2.0;
+      ScanMatcher matcher(options);
+      const Pose pose(0.113, -0.187, 0.393);
+      const GridMap& level = map.level(2);
+      const auto at = matcher.linearize(level, scan, pose, cost);
+      const Eigen::Vector3d gradient = at.occupancy.gradient + at.reflectivity.gradient;
+      const Eigen::Vector3d steps(1e-4, 1e-4, 2e-5);
+      for (int i = 0; i < 3; ++i) {
+        const Pose step = steps[i] * Pose::Unit(i);
+        const double rise = matcher.linearize(level, scan, pose + step, cost).cost -
+                            matcher.linearize(level, scan, pose - step, cost).cost;
+        // Half the cost's descent. The interpolation has kinks, which some beams cross.
+        EXPECT_NEAR(gradient[i], -0.5 * rise / (2.0 * steps[i]), 0.03 * gradient.norm() + 1.0)
+            << toString(cost) << " of kernel " << static_cast<int>(kernel) << ", direction " << i;
+      }
+    }
+  }
+}
+
+TEST(ScanMatcher, FindsDisplacements) {
+  const std::vector<Wall> walls = furnishedRoom();
+  const MultiMap map = mapOf(walls, noisy());
+  const Pose truth(0.3, -0.2, 0.5);
+  const Scan scan = look(walls, truth, noisy(), 7);
+  for (const Cost cost : kCosts) {
+    ScanMatcher matcher(optionsOf(cost));
+    for (const Pose& displacement :
+         {Pose(0.08, -0.06, 0.05), Pose(-0.1, 0.05, -0.08), Pose(0.0, 0.12, 0.0)}) {
+      const Match match = matcher.match(map, scan, truth + displacement);
+      EXPECT_LT((match.pose - truth).head<2>().norm(), 0.006) << toString(cost);
+      EXPECT_LT(std::abs(match.pose.z() - truth.z()), 0.003) << toString(cost);
+      EXPECT_EQ(3, match.observable);
+      EXPECT_LT(match.contradiction, 0.05);
+      EXPECT_GT(match.overlap, 0.9);
+    }
+  }
+}
+
+TEST(ScanMatcher, SearchFindsLargeDisplacements) {
+  const std::vector<Wall> walls = furnishedRoom();
+  const MultiMap map = mapOf(walls, noisy());
+  const Pose truth(0.3, -0.2, 0.5), guess = truth + Pose(0.28, -0.25, 0.3);
+  const Scan scan = look(walls, truth, noisy(), 7);
+  for (const Cost cost : kCosts) {
+    const Match match = ScanMatcher(optionsOf(cost)).match(map, scan, guess, true);
+    EXPECT_TRUE(match.searched);
+    EXPECT_LT((match.pose - truth).head<2>().norm(), 0.006) << toString(cost);
+  }
+}
+
+TEST(ScanMatcher, RobustWeightLeavesMovingObjectsOut) {
+  const std::vector<Wall> walls = furnishedRoom();
+  const MultiMap map = mapOf(walls, noisy());
+  const Pose truth(0.1, 0.1, 0.2);
+  Scan scan = look(walls, truth, noisy(), 3);
+  // A third of the beams ends 12 cm in front of where it should: people stand along the walls.
+  for (std::size_t i = 0; i < scan.points.size(); ++i) {
+    if (i / 40 % 3 == 0) scan.points[i] *= 1.0f - 0.12f / scan.points[i].norm();
+  }
+  const auto errorWith = [&](RobustKernel kernel) {
+    MatcherOptions options;
+    options.robust_kernel = kernel;
+    options.robust_scale = 0.3;
+    return (ScanMatcher(options).match(map, scan, truth + Pose(0.03, -0.02, 0.01)).pose - truth).norm();
+  };
+  for (const RobustKernel kernel : {RobustKernel::kHuber, RobustKernel::kCauchy, RobustKernel::kTukey}) {
+    EXPECT_LT(errorWith(kernel), 0.01);
+    EXPECT_LT(errorWith(kernel), errorWith(RobustKernel::kNone));
+  }
+}
+
+// Fig. 3.1: without reflectivity the position along the corridor is unknown, and said to be.
+TEST(ScanMatcher, KnowsWhatACorridorDoesNotTell) {
+  const Wall plain[] = {{{-50.0, -1.1}, {50.0, -1.1}}, {{-50.0, 1.1}, {50.0, 1.1}}};
+  const std::vector<Wall> featureless(plain, plain + 2);
+  const std::vector<Wall> textured = {stripes({-50.0, -1.1}, {50.0, -1.1}, 5),
+                                      stripes({-50.0, 1.1}, {50.0, 1.1}, 6)};
+  Scanner scanner = noisy();
+  scanner.max_range = 8.0;
+  MatcherOptions options;
+  const Pose truth(0.1, 0.05, 0.02), guess = truth + Pose(0.07, 0.03, 0.01);
+
+  for (const Cost cost : kCosts) {
+    ScanMatcher matcher(optionsOf(cost));
+    const MultiMap map = mapOf(featureless, scanner, 150, 5.0);
+    const Match match = matcher.match(map, look(featureless, truth, scanner, 9), guess);
+    EXPECT_EQ(2, match.observable) << toString(cost);
+    EXPECT_NEAR(guess.x(), match.pose.x(), 0.005) << toString(cost);
+    EXPECT_NEAR(truth.y(), match.pose.y(), 0.005) << toString(cost);
+    EXPECT_NEAR(truth.z(), match.pose.z(), 0.003) << toString(cost);
+    EXPECT_NEAR(options.unobservable_distance, std::sqrt(match.covariance(0, 0)), 0.01) << toString(cost);
+    EXPECT_LT(std::sqrt(match.covariance(1, 1)), 0.02) << toString(cost);
+  }
+  const MultiMap map = mapOf(textured, scanner, 150, 5.0);
+  for (const Cost cost : {Cost::kReflectivity, Cost::kCombined, Cost::kAuto}) {
+    const Match match = ScanMatcher(optionsOf(cost)).match(map, look(textured, truth, scanner, 9), guess);
+    EXPECT_EQ(3, match.observable) << toString(cost);
+    EXPECT_LT((match.pose - truth).head<2>().norm(), 0.015) << toString(cost);
+    EXPECT_LT(std::sqrt(match.covariance(0, 0)), 0.05) << toString(cost);
+  }
+  EXPECT_EQ(2, ScanMatcher(optionsOf(Cost::kOccupancy))
+                   .match(map, look(textured, truth, scanner, 9), guess)
+                   .observable);
+}
+
+TEST(ScanMatcher, AutoTrustsReflectivityWhereItIsKnownAndDense) {
+  const std::vector<Wall> walls = furnishedRoom();
+  const MultiMap map = mapOf(walls, noisy());
+  ScanMatcher matcher(optionsOf(Cost::kAuto));
+  Scan scan = look(walls, Pose::Zero(), noisy(), 3);
+  EXPECT_EQ(Cost::kCombined, matcher.match(map, scan, Pose::Zero()).cost);
+  Scan unknown = scan;
+  unknown.reflectivities.clear();
+  EXPECT_EQ(Cost::kOccupancy, matcher.match(map, unknown, Pose::Zero()).cost);
+  Scanner sparse = noisy();
+  sparse.beams = 91;
+  EXPECT_EQ(Cost::kOccupancy, matcher.match(map, look(walls, Pose::Zero(), sparse, 3), Pose::Zero()).cost);
+}
+
+TEST(ScanMatcher, CovarianceIsSigmaSquaredByH) {
+  const MultiMap map = mapOf(furnishedRoom(), noisy());
+  MatcherOptions options = optionsOf(Cost::kOccupancy);
+  options.sigma = 0.1;
+  options.covariance_scale = 1.0;
+  const Match match =
+      ScanMatcher(options).match(map, look(furnishedRoom(), Pose::Zero(), noisy(), 3), Pose(0.02, 0.0, 0.0));
+  const Eigen::Matrix3d expected = 0.01 * match.hessian.inverse();
+  EXPECT_LT((match.covariance - expected).cwiseAbs().maxCoeff(), 1e-3 * expected.cwiseAbs().maxCoeff());
+}
+
+TEST(ScanMatcher, AnUnknownMapTellsNothing) {
+  const Pose guess(1.0, 2.0, 0.3);
+  const Match match = ScanMatcher().match(MultiMap(), look(furnishedRoom(), Pose::Zero(), {}), guess);
+  EXPECT_EQ(0, match.observable);
+  EXPECT_LT((match.pose - guess).norm(), 1e-12);
+  EXPECT_TRUE(match.covariance.allFinite());
+}
+
+TEST(MatcherOptions, SayWhatIsWrong) {
+  MatcherOptions options;
+  options.robust_scale = 0.0;
+  EXPECT_THROW(ScanMatcher{options}, std::invalid_argument);
+  EXPECT_THROW(parseCost("intensity"), std::invalid_argument);
+  for (const Cost cost : kCosts) EXPECT_EQ(cost, parseCost(toString(cost)));
+}
+
+}  // namespace
+}  // namespace intensity_hector_slam

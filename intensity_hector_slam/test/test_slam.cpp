@@ -1,0 +1,255 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <gtest/gtest.h>
+
+#include "flat_world.h"
+#include "intensity_hector_slam/slam.h"
+
+namespace intensity_hector_slam {
+namespace {
+
+constexpr double kPeriod = 0.05;  // s
+
+Scanner noisy() {
+  Scanner scanner;
+  scanner.beams = 541;
+  scanner.range_noise = 0.005;
+  scanner.reflectivity_noise = 0.02;
+  return scanner;
+}
+
+// A round in the room at 0.6 m/s; it begins in the origin.
+Pose truthAt(double time) {
+  const double angle = 0.4 * time;
+  return {1.5 * std::sin(angle), 1.5 - 1.5 * std::cos(angle), angle};
+}
+
+std::vector<Wall> room() {
+  std::vector<Wall> walls = furnishedRoom();
+  for (Wall& wall : walls) {
+    wall.from.y() += 1.0;
+    wall.to.y() += 1.0;
+  }
+  return walls;
+}
+
+Scan scanAt(double time, unsigned seed = 0) {
+  Scan scan = look(room(), truthAt(time), noisy(), static_cast<unsigned>(1000 * time) + seed);
+  scan.stamp = 100.0 + time;
+  return scan;
+}
+
+double errorOf(const Pose& pose, double time) {
+  return (pose - truthAt(time)).head<2>().norm();
+}
+
+double turnOf(const Pose& pose, double time) {
+  return std::abs(wrapAngle(pose.z() - truthAt(time).z()));
+}
+
+// Processes scans of [from, to). @return the greatest error, m
+double drive(Slam& slam, double from, double to) {
+  double greatest = 0.0;
+  for (int i = static_cast<int>(std::lround(from / kPeriod)); i < std::lround(to / kPeriod); ++i) {
+    greatest = std::max(greatest, errorOf(slam.process(scanAt(kPeriod * i)).pose, kPeriod * i));
+  }
+  return greatest;
+}
+
+class EachCost : public ::testing::TestWithParam<Cost> {
+ protected:
+  SlamOptions options() const {
+    SlamOptions options;
+    options.matcher.cost = GetParam();
+    return options;
+  }
+};
+
+TEST_P(EachCost, FollowsARound) {
+  Slam slam(options());
+  EXPECT_LT(drive(slam, 0.0, 16.0), 0.03);
+  EXPECT_LT(turnOf(slam.pose(), 16.0 - kPeriod), 0.01);
+}
+
+TEST_P(EachCost, FollowsARoundAtALowRate) {
+  Slam slam(options());
+  double greatest = 0.0;
+  for (int i = 0; i < 80; ++i)
+    greatest = std::max(greatest, errorOf(slam.process(scanAt(0.2 * i)).pose, 0.2 * i));
+  EXPECT_LT(greatest, 0.05);
+}
+
+TEST_P(EachCost, MovingObjectsDoNotBreakTheMap) {
+  Slam slam(options());
+  std::mt19937 random(1);
+  double greatest = 0.0;
+  for (int i = 0; i < 200; ++i) {
+    Scan scan = scanAt(kPeriod * i);
+    // People around the robot: 30 % of the beams, in groups that come and go.
+    const std::size_t n = scan.points.size();
+    for (int person = 0; person < 6; ++person) {
+      const std::size_t first = random() % n;
+      const float range = 0.6f + 0.8f * (random() % 100) / 100.0f;
+      for (std::size_t k = first; k < std::min(n, first + n / 20); ++k) {
+        if (scan.points[k].norm() > range) scan.points[k] *= range / scan.points[k].norm();
+        scan.reflectivities[k] = 0.3f;
+      }
+    }
+    const SlamResult result = slam.process(scan);
+    greatest = std::max(greatest, errorOf(result.pose, kPeriod * i));
+  }
+  EXPECT_LT(greatest, 0.06);
+}
+
+INSTANTIATE_TEST_SUITE_P(Slam, EachCost,
+                         ::testing::Values(Cost::kOccupancy, Cost::kReflectivity, Cost::kCombined,
+                                           Cost::kAuto),
+                         [](const auto& info) { return toString(info.param); });
+
+TEST(Slam, SaysWhatBecameOfTheFirstScan) {
+  Slam slam;
+  slam.setPose({1.0, 2.0, 0.5});
+  const SlamResult result = slam.process(scanAt(0.0));
+  EXPECT_EQ(Status::kStarted, result.status);
+  EXPECT_TRUE(result.map_updated);
+  EXPECT_EQ(Pose(1.0, 2.0, 0.5), result.pose);
+  EXPECT_EQ(Status::kMatched, slam.process(scanAt(kPeriod)).status);
+}
+
+TEST(Slam, EmptyScansAreSaidAndChangeNothing) {
+  Slam slam;
+  drive(slam, 0.0, 1.0);
+  const auto cells = slam.map().level(0).cells();
+  for (int i = 0; i < 3; ++i) {
+    Scan empty;
+    empty.stamp = 101.0 + kPeriod * i;
+    const SlamResult result = slam.process(empty);
+    EXPECT_EQ(Status::kEmpty, result.status);
+    EXPECT_FALSE(result.map_updated);
+    EXPECT_GT(result.covariance(0, 0), 0.5);
+    EXPECT_LT(errorOf(result.pose, 1.0 + kPeriod * i), 0.05);  // at constant velocity
+  }
+  EXPECT_EQ(0,
+            std::memcmp(cells.data(), slam.map().level(0).cells().data(), cells.size() * sizeof(cells[0])));
+  EXPECT_LT(drive(slam, 1.15, 3.0), 0.03);
+}
+
+TEST(Slam, RejectsScansThatContradictTheMap) {
+  Slam slam;
+  drive(slam, 0.0, 2.0);
+  const std::size_t updates = slam.map().updates();
+  Scan foreign = look(box({-1.2, -1.2}, {1.2, 1.2}), Pose::Zero(), noisy());
+  for (int i = 0; i < 10; ++i) {
+    foreign.stamp = 102.0 + kPeriod * i;
+    const SlamResult result = slam.process(foreign);
+    EXPECT_EQ(Status::kRejected, result.status);
+    EXPECT_TRUE(result.match.searched);
+  }
+  EXPECT_EQ(updates, slam.map().updates());
+  EXPECT_LT(drive(slam, 2.5, 4.0), 0.03);
+}
+
+TEST(Slam, SurvivesAPause) {
+  Slam slam;
+  drive(slam, 0.0, 2.0);
+  Scan scan = scanAt(2.0);
+  scan.stamp += 10.0;  // it stood still for 10 s
+  const SlamResult result = slam.process(scan);
+  EXPECT_NEAR(10.0 + kPeriod, result.gap, 1e-6);
+  EXPECT_TRUE(result.match.searched);
+  EXPECT_LT(errorOf(result.pose, 2.0), 0.03);
+}
+
+TEST(Slam, SurvivesATimeJump) {
+  Slam slam;
+  drive(slam, 0.0, 2.0);
+  Scan scan = scanAt(2.0);
+  scan.stamp -= 50.0;
+  const SlamResult result = slam.process(scan);
+  EXPECT_TRUE(result.time_jumped_back);
+  EXPECT_EQ(Status::kMatched, result.status);
+  EXPECT_LT(errorOf(result.pose, 2.0), 0.03);
+}
+
+TEST(Slam, OdometryIsTheFirstGuess) {
+  SlamOptions options;
+  options.matcher.search = Search::kNever;
+  Slam slam(options);
+  // Seconds apart, 0.6 m and 0.4 rad in between: nothing but odometry, in a frame of its own, leads there.
+  const Pose odometry_frame(3.0, -5.0, 2.0);
+  for (int i = 0; i < 15; ++i) {
+    const SlamResult result = slam.process(scanAt(i), compose(odometry_frame, truthAt(i)));
+    EXPECT_LT(errorOf(result.pose, i), 0.03);
+  }
+}
+
+TEST(Slam, DeskewsAFastTurn) {
+  // The scanner takes 40 ms for a sweep, the body turns at 1.5 rad/s.
+  const auto sweep = [](int k) {
+    const Scanner scanner = noisy();
+    Scan scan;
+    scan.stamp = 0.05 * k;
+    for (int i = 0; i < scanner.beams; ++i) {
+      Scanner beam = scanner;
+      beam.beams = 1;
+      beam.angle_min = beam.angle_max =
+          scanner.angle_min + (scanner.angle_max - scanner.angle_min) * i / (scanner.beams - 1);
+      const double after = 0.04 * i / scanner.beams;
+      const Scan one = look(furnishedRoom(), {0.2, 0.1, 1.5 * (scan.stamp + after)}, beam, 1000 * k + i);
+      if (one.points.empty()) continue;
+      scan.points.push_back(one.points[0]);
+      scan.reflectivities.push_back(one.reflectivities[0]);
+      scan.times.push_back(static_cast<float>(after));
+    }
+    return scan;
+  };
+  Slam slam;
+  slam.setPose({0.2, 0.1, 0.0});
+  std::vector<Pose> poses;
+  for (int k = 0; k < 60; ++k) poses.push_back(slam.process(sweep(k)).pose);
+  double greatest = 0.0;
+  for (std::size_t k = 20; k < poses.size(); ++k) {
+    greatest = std::max(greatest, std::abs(wrapAngle(poses[k].z() - poses[k - 1].z()) - 0.075));
+  }
+  EXPECT_LT(greatest, 0.006);
+  // The first scan went into the map before the velocity was known; it was put right.
+  EXPECT_LT(std::abs(wrapAngle(poses.back().z() - 1.5 * 0.05 * 59)), 0.015);
+}
+
+TEST(Slam, LocalizesInAMapWithoutChangingIt) {
+  Slam mapping;
+  drive(mapping, 0.0, 16.0);
+  SlamOptions options;
+  options.localization = true;
+  Slam slam(options);
+  slam.setMap(mapping.map(), truthAt(0.0) + Pose(0.15, -0.1, 0.1));
+  EXPECT_LT(drive(slam, 0.0, 8.0), 0.04);
+  EXPECT_EQ(0, std::memcmp(mapping.map().level(0).cells().data(), slam.map().level(0).cells().data(),
+                           slam.map().level(0).cells().size() * sizeof(GridMap::Cell)));
+  slam.reset();
+  EXPECT_EQ(Status::kRejected, slam.process(scanAt(0.0)).status);
+}
+
+TEST(Slam, IsTheSameToTheBit) {
+  Slam one, two;
+  for (int i = 0; i < 60; ++i) {
+    const SlamResult a = one.process(scanAt(kPeriod * i)), b = two.process(scanAt(kPeriod * i));
+    ASSERT_EQ(a.pose, b.pose);
+    ASSERT_EQ(a.covariance, b.covariance);
+  }
+  const auto &a = one.map().level(0).cells(), &b = two.map().level(0).cells();
+  EXPECT_EQ(0, std::memcmp(a.data(), b.data(), a.size() * sizeof(a[0])));
+}
+
+TEST(Slam, RefusesScansThatAreNone) {
+  Slam slam;
+  Scan scan = scanAt(0.0);
+  scan.reflectivities.pop_back();
+  EXPECT_THROW(slam.process(scan), std::invalid_argument);
+  scan.reflectivities.clear();
+  scan.times = {0.0f};
+  EXPECT_THROW(slam.process(scan), std::invalid_argument);
+  EXPECT_EQ(0u, slam.map().updates());
+}
+
+}  // namespace
+}  // namespace intensity_hector_slam

@@ -1,0 +1,336 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <dynamic_reconfigure/Reconfigure.h>
+#include <geometry_msgs/PoseStamped.h>
+#include <geometry_msgs/PoseWithCovarianceStamped.h>
+#include <intensity_hector_slam/ResetMapping.h>
+#include <mapping_common/testing/nodelet_test.h>
+#include <mapping_common/testing/temp_dir.h>
+#include <mapping_msgs/EdgeConstraint.h>
+#include <mapping_msgs/LoadMap.h>
+#include <mapping_msgs/SaveMap.h>
+#include <nav_msgs/GetMap.h>
+#include <nav_msgs/Odometry.h>
+#include <nav_msgs/Path.h>
+#include <std_msgs/String.h>
+#include <std_srvs/SetBool.h>
+#include <std_srvs/Trigger.h>
+#include <tf2_ros/buffer.h>
+#include <tf2_ros/transform_listener.h>
+
+#include "room_bag.h"
+
+namespace intensity_hector_slam {
+namespace {
+
+using mapping_common::Recorder;
+using mapping_common::spinFor;
+using mapping_common::waitFor;
+
+class SlamNodeletTest : public mapping_common::NodeletTest {
+ protected:
+  SlamNodeletTest()
+      : NodeletTest("intensity_hector_slam/SlamNodelet", "slam"),
+        pose_subscriber_(node_.subscribe("slam_out_pose", 100, &SlamNodeletTest::gotPose, this)),
+        scans_(node_.advertise<sensor_msgs::LaserScan>("scan", 100)),
+        tf_(node_.advertise<tf2_msgs::TFMessage>("/tf", 100)) {
+    for (const char* frame : {"base_frame", "odom_frame", "map_frame"}) setParam(frame, test_ + "_" + frame);
+    setParam("tf_map_scanmatch_transform_frame_name", test_ + "_scanmatcher_frame");
+    setParam("map_pub_period", 0.1);
+    setParam("reflectivity_scale", 0.001);
+    setParam("scan_subscriber_queue_size", 20);
+  }
+  bool load() {
+    if (!NodeletTest::load()) return false;
+    return waitFor([this] {
+      return scans_.getNumSubscribers() > 0 && tf_.getNumSubscribers() > 0 &&
+             pose_subscriber_.getNumPublishers() > 0;
+    });
+  }
+  std::string frame(const std::string& name) const { return test_ + "_" + name; }
+
+  void send(sensor_msgs::LaserScan scan, double time) {
+    scan.header.stamp = ros::Time(time);
+    scan.header.frame_id = frame("laser");
+    scans_.publish(scan);
+  }
+  void sendTransforms(double time) {
+    tf2_msgs::TFMessage message;
+    const ros::Time stamp(time);
+    message.transforms = {transformMessage(kMount, frame("base_frame"), frame("laser"), stamp)};
+    if (odometry_) {
+      message.transforms.push_back(transformMessage(compose(kOdometryFrame, bagPoseAt(time - kBagStart)),
+                                                    frame("odom_frame"), frame("base_frame"), stamp));
+    }
+    tf_.publish(message);
+  }
+  void step(int i) {
+    const double time = kBagStart + 0.1 * i;
+    sendTransforms(time);
+    send(roomMessage(bagPoseAt(0.1 * i), ros::Time(time), i), time);
+  }
+  // Drives on from scan to scan. @return whether there was a pose for each
+  bool drive(int from, int to) {
+    for (int i = from; i < to; ++i) {
+      const std::size_t before = poses_.size();
+      step(i);
+      if (!waitFor([&] { return poses_.size() > before; }, 5.0)) return false;
+    }
+    return true;
+  }
+  double errorAt(int i) const { return (toPose(poses_.back().pose) - bagPoseAt(0.1 * i)).head<2>().norm(); }
+  template <class Service>
+  bool call(const std::string& name, Service& service) {
+    return ros::service::call(name, service);
+  }
+
+  void gotPose(const geometry_msgs::PoseStamped& pose) { poses_.push_back(pose); }
+
+  ros::Subscriber pose_subscriber_;
+  std::vector<geometry_msgs::PoseStamped> poses_;
+  ros::Publisher scans_, tf_;
+  bool odometry_ = true;
+};
+
+TEST_F(SlamNodeletTest, TopicsAndFramesAreThoseOfHectorMapping) {
+  setParam("pub_odometry", true);
+  Recorder<nav_msgs::OccupancyGrid> maps(node_, "map"), reflectivity(node_, "reflectivity_map");
+  Recorder<nav_msgs::MapMetaData> metadata(node_, "map_metadata");
+  Recorder<geometry_msgs::PoseWithCovarianceStamped> updates(node_, "poseupdate");
+  Recorder<nav_msgs::Odometry> odometry(node_, "scanmatch_odom");
+  Recorder<nav_msgs::Path> paths(node_, "path");
+  Recorder<mapping_msgs::EdgeConstraint> edges(node_, "edges");
+  tf2_ros::Buffer buffer;
+  tf2_ros::TransformListener listener(buffer);
+  ASSERT_TRUE(load());
+  // Those who listen may have found the nodelet late.
+  int last = 0;
+  const auto complete = [&] {
+    return !updates.messages.empty() && !odometry.messages.empty() && maps.messages.size() > 1 &&
+           reflectivity.messages.size() > 1 && !metadata.messages.empty() && paths.messages.size() > 1 &&
+           edges.messages.size() > 1;
+  };
+  for (; last < 40 || (last < 150 && !complete()); ++last) ASSERT_TRUE(drive(last, last + 1)) << last;
+  --last;
+  EXPECT_TRUE(waitFor(complete));
+  EXPECT_LT(errorAt(last), 0.03);
+  const ros::Time stamp = poses_.back().header.stamp;
+  EXPECT_EQ(frame("map_frame"), poses_.back().header.frame_id);
+  EXPECT_EQ(ros::Time(kBagStart + 0.1 * last), stamp);
+
+  EXPECT_GT(updates.messages.back().pose.covariance[0], 0.0);
+  EXPECT_GT(updates.messages.back().pose.covariance[35], 0.0);
+  const auto& map = maps.messages.back();
+  EXPECT_FLOAT_EQ(0.025F, map.info.resolution);
+  EXPECT_GT(std::count(map.data.begin(), map.data.end(), 100), 500);
+  EXPECT_GT(std::count(map.data.begin(), map.data.end(), 0), 10000);
+  EXPECT_GT(
+      *std::max_element(reflectivity.messages.back().data.begin(), reflectivity.messages.back().data.end()),
+      70);
+
+  ASSERT_GT(edges.messages.size(), 1u);
+  const auto& edge = edges.messages.back();
+  EXPECT_EQ(frame("base_frame"), edge.frame_id);
+  EXPECT_EQ(edge.from_id + 1, edge.to_id);
+  const Pose moved = between(bagPoseAt((edge.from_stamp - ros::Time(kBagStart)).toSec()),
+                             bagPoseAt((edge.to_stamp - ros::Time(kBagStart)).toSec()));
+  EXPECT_LT((toPose(edge.transform) - moved).norm(), 0.04);
+  EXPECT_GT(edge.information[0], 100.0);
+
+  ASSERT_TRUE(waitFor([&] {
+    return buffer.canTransform(frame("map_frame"), frame("base_frame"), stamp) &&
+           buffer.canTransform(frame("map_frame"), frame("scanmatcher_frame"), stamp);
+  }));
+  for (const char* child : {"base_frame", "scanmatcher_frame"}) {
+    const auto transform = buffer.lookupTransform(frame("map_frame"), frame(child), stamp);
+    EXPECT_LT((toPose(tf2::transformToEigen(transform)) - toPose(poses_.back().pose)).norm(), 1e-6) << child;
+  }
+}
+
+TEST_F(SlamNodeletTest, WithoutOdometryTheBodyHangsOnTheMap) {
+  setParam("odom_frame", frame("base_frame"));
+  odometry_ = false;
+  tf2_ros::Buffer buffer;
+  tf2_ros::TransformListener listener(buffer);
+  ASSERT_TRUE(load());
+  ASSERT_TRUE(drive(0, 10));
+  EXPECT_LT(errorAt(9), 0.03);
+  // The listener may have found the nodelet late.
+  for (int i = 10; i < 40 && !buffer.canTransform(frame("map_frame"), frame("base_frame"), ros::Time(0));
+       ++i) {
+    ASSERT_TRUE(drive(i, i + 1));
+    spinFor(0.05);
+  }
+  const auto transform = buffer.lookupTransform(frame("map_frame"), frame("base_frame"), ros::Time(0));
+  const double time = (transform.header.stamp - ros::Time(kBagStart)).toSec();
+  EXPECT_LT((toPose(tf2::transformToEigen(transform)) - bagPoseAt(time)).norm(), 0.05);
+}
+
+TEST_F(SlamNodeletTest, ServicesAreThoseOfHectorMapping) {
+  ASSERT_TRUE(load());
+  ASSERT_TRUE(drive(0, 10));
+  const std::string ns = "/" + test_ + "/";
+  nav_msgs::GetMap map;
+  ASSERT_TRUE(call(ns + "dynamic_map", map));
+  EXPECT_EQ(frame("map_frame"), map.response.map.header.frame_id);
+  EXPECT_GT(std::count(map.response.map.data.begin(), map.response.map.data.end(), 100), 500);
+
+  std_srvs::SetBool pause;
+  pause.request.data = true;
+  ASSERT_TRUE(call(ns + "pause_mapping", pause));
+  EXPECT_TRUE(pause.response.success);
+  step(10);
+  expectDiagnostic("Scans", "Without a pose: paused", "1");
+  EXPECT_EQ(10u, poses_.size());
+
+  // Starts elsewhere, and goes on.
+  ResetMapping restart;
+  restart.request.initial_pose = toMessage(Pose(3.0, 1.0, 0.5));
+  ASSERT_TRUE(call(ns + "restart_mapping_with_new_pose", restart));
+  ASSERT_TRUE(drive(11, 12));
+  EXPECT_LT((toPose(poses_.back().pose) - Pose(3.0, 1.0, 0.5)).norm(), 1e-6);
+
+  std_srvs::Trigger reset;
+  ASSERT_TRUE(call(ns + "reset_map", reset));
+  EXPECT_TRUE(reset.response.success);
+  ASSERT_TRUE(call(ns + "dynamic_map", map));
+  EXPECT_EQ(0, std::count(map.response.map.data.begin(), map.response.map.data.end(), 100));
+  ASSERT_TRUE(drive(12, 14));
+
+  auto commands = node_.advertise<std_msgs::String>("syscommand", 1);
+  ASSERT_TRUE(waitFor([&] { return commands.getNumSubscribers() > 0; }));
+  std_msgs::String command;
+  command.data = "reset";
+  commands.publish(command);
+  EXPECT_TRUE(waitFor([&] {
+    return call(ns + "dynamic_map", map) &&
+           std::count(map.response.map.data.begin(), map.response.map.data.end(), 100) == 0;
+  }));
+
+  ResetMapping nonsense;  // no orientation
+  EXPECT_FALSE(call(ns + "restart_mapping_with_new_pose", nonsense));
+}
+
+TEST_F(SlamNodeletTest, MapsAreSavedAndLocalizedIn) {
+  const mapping_common::TempDir dir;
+  ASSERT_TRUE(load());
+  ASSERT_TRUE(drive(0, 30));
+  mapping_msgs::SaveMap save;
+  save.request.path = dir.path("room.map");
+  ASSERT_TRUE(call(name_ + "/save_map", save));
+  EXPECT_TRUE(save.response.success) << save.response.message;
+  save.request.path = "relative.map";
+  ASSERT_TRUE(call(name_ + "/save_map", save));
+  EXPECT_FALSE(save.response.success);
+  mapping_msgs::LoadMap bad;
+  bad.request.path = dir.write("bad.map", "nothing");
+  ASSERT_TRUE(call(name_ + "/load_map", bad));
+  EXPECT_FALSE(bad.response.success);
+  ASSERT_TRUE(drive(30, 31));  // as if nothing had happened
+  EXPECT_LT(errorAt(30), 0.03);
+  unload();
+
+  setParam("map_file", dir.path("room.map"));
+  setParam("localization", true);
+  ASSERT_TRUE(load());
+  auto initial = node_.advertise<geometry_msgs::PoseWithCovarianceStamped>("initialpose", 1);
+  ASSERT_TRUE(waitFor([&] { return initial.getNumSubscribers() > 0; }));
+  geometry_msgs::PoseWithCovarianceStamped pose;
+  pose.header.frame_id = frame("map_frame");
+  pose.pose.pose = toMessage(bagPoseAt(2.0) + Pose(0.1, -0.1, 0.1));
+  initial.publish(pose);
+  spinFor(0.2);
+  ASSERT_TRUE(drive(20, 30));
+  EXPECT_LT(errorAt(29), 0.03);
+  expectDiagnostic("Map", "Updates", "1");
+}
+
+TEST_F(SlamNodeletTest, BadScansAreCountedAndChangeNothing) {
+  ASSERT_TRUE(load());
+  ASSERT_TRUE(drive(0, 5));
+  double time = kBagStart + 0.5;
+  const auto damaged = [&](const std::function<void(sensor_msgs::LaserScan&)>& damage) {
+    sensor_msgs::LaserScan scan = roomMessage(bagPoseAt(0.5), ros::Time(time), 5);
+    damage(scan);
+    sendTransforms(time);
+    send(scan, time);
+    time += 0.02;
+  };
+  damaged([](auto& scan) { scan.ranges.clear(), scan.intensities.clear(); });
+  damaged([](auto& scan) { scan.ranges.assign(361, std::numeric_limits<float>::infinity()); });
+  damaged([](auto& scan) { scan.ranges.assign(361, std::nanf("")); });
+  damaged([](auto& scan) { scan.intensities.resize(3); });
+  damaged([](auto& scan) { scan.range_max = -1.0F; });
+  damaged([](auto& scan) { scan.ranges.assign(361, 0.6F); });  // the inside of a barrel
+  expectDiagnostic("Scans", "Without a pose: empty", "3");
+  expectDiagnostic("Scans", "Without a pose: malformed", "2");
+  expectDiagnostic("Scans", "Without a pose: rejected", "1");
+  ASSERT_TRUE(drive(7, 10));
+  EXPECT_LT(errorAt(9), 0.03);
+}
+
+TEST_F(SlamNodeletTest, SaysThatTransformsAreMissing) {
+  ASSERT_TRUE(load());
+  for (int i = 0; i < 40; ++i) {
+    send(roomMessage(bagPoseAt(0.0), ros::Time(1.0), i), kBagStart + 0.1 * i);
+    spinFor(0.02);
+  }
+  EXPECT_TRUE(
+      waitFor([&] { return std::stoi("0" + diagnostic("Scans", "Without a pose: no transform")) >= 5; }));
+  expectDiagnostic("Scans", "Processed", "0");
+}
+
+TEST_F(SlamNodeletTest, GoesOnWhenTimeJumpsBack) {
+  ASSERT_TRUE(load());
+  ASSERT_TRUE(drive(0, 20));
+  // From the start again: odometry knows where that is. The first scan may be lost with the old transforms.
+  step(0);
+  spinFor(0.3);
+  ASSERT_TRUE(drive(1, 20));
+  EXPECT_LT(errorAt(19), 0.03);
+}
+
+TEST_F(SlamNodeletTest, ReconfiguresWhileItRuns) {
+  ASSERT_TRUE(load());
+  ASSERT_TRUE(drive(0, 3));
+  const auto reconfigure = [this](const std::string& cost) {
+    dynamic_reconfigure::Reconfigure service;
+    dynamic_reconfigure::StrParameter parameter;
+    parameter.name = "cost";
+    parameter.value = cost;
+    service.request.config.strs.push_back(parameter);
+    EXPECT_TRUE(ros::service::call(name_ + "/reconfigure/set_parameters", service));
+    for (const auto& value : service.response.config.strs) {
+      if (value.name == "cost") return value.value;
+    }
+    return std::string();
+  };
+  EXPECT_EQ("reflectivity", reconfigure("reflectivity"));
+  ASSERT_TRUE(drive(3, 8));
+  expectDiagnostic("Scans", "Last cost", "reflectivity");
+  EXPECT_EQ("reflectivity", reconfigure("nonsense"));
+  ASSERT_TRUE(drive(8, 10));
+  EXPECT_LT(errorAt(9), 0.03);
+}
+
+TEST_F(SlamNodeletTest, BadParametersStopIt) {
+  setParam("map_resolution", -1.0);
+  EXPECT_FALSE(load());
+  setParam("map_resolution", 0.05);
+  setParam("map_resolutoin", 0.05);
+  EXPECT_FALSE(load());
+  ros::param::del(name_ + "/map_resolutoin");
+  setParam("map_file", std::string("/nowhere/a.map"));
+  EXPECT_FALSE(load());
+  ros::param::del(name_ + "/map_file");
+  EXPECT_TRUE(load());
+}
+
+}  // namespace
+}  // namespace intensity_hector_slam
+
+int main(int argc, char** argv) {
+  ::testing::InitGoogleTest(&argc, argv);
+  ros::init(argc, argv, "test_slam_nodelet");
+  ros::NodeHandle keep_alive;
+  return RUN_ALL_TESTS();
+}

@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// SLAM over a recording, offline.
+#include <intensity_hector_slam/ros/bag_runner.h>
+#include <intensity_hector_slam/ros/result_files.h>
+
+#include <boost/program_options.hpp>
+#include <filesystem>
+#include <iostream>
+#include <stdexcept>
+#include <string>
+
+namespace po = boost::program_options;
+using namespace intensity_hector_slam;
+
+namespace {
+
+const char kUsage[] =
+    "Usage: slam_bag --bag FILE --scan TOPIC --out DIR [options]\n"
+    "\n"
+    "Runs SLAM over the laser scans of a bag and writes trajectory.tum, map.pgm, map.yaml, "
+    "reflectivity.png,\n"
+    "edges.g2o, slam.map and timing.json.\n";
+
+struct Arguments {
+  BagOptions bag;
+  std::string out, cost, config, base;
+  double reflectivity_scale = 0.0;
+};
+
+/// False if help was asked for and printed. Throws po::error for wrong usage.
+bool parse(int argc, char** argv, Arguments& a) {
+  po::options_description all("Options");
+  auto add = all.add_options();
+  add("help,h", "print this");
+  add("bag", po::value(&a.bag.bag)->required(), "recording");
+  add("scan", po::value(&a.bag.scan_topic)->required(), "topic of the scans (sensor_msgs/LaserScan)");
+  add("odom", po::value(&a.bag.odom_frame), "fixed frame of the odometry in tf, the first guess");
+  add("odom-topic", po::value(&a.bag.odom_topic), "odometry of a topic (nav_msgs/Odometry) instead");
+  add("base", po::value(&a.base), "frame of the body; by default the configuration's base_frame");
+  add("cost", po::value(&a.cost),
+      "occupancy | reflectivity | combined | auto; by default the configuration's");
+  add("reflectivity-scale", po::value(&a.reflectivity_scale),
+      "factor on intensities; by default the configuration's");
+  add("config", po::value(&a.config), "YAML file with the nodelet's parameters");
+  add("out", po::value(&a.out)->required(), "folder for the results, made where it isn't there");
+  po::variables_map values;
+  po::store(po::command_line_parser(argc, argv).options(all).run(), values);
+  if (values.count("help")) {
+    std::cout << kUsage << '\n' << all;
+    return false;
+  }
+  po::notify(values);
+  return true;
+}
+
+SlamParameters readParameters(const Arguments& a) {
+  XmlRpc::XmlRpcValue values;
+  if (!a.config.empty()) values = loadYaml(a.config);
+  if (!a.cost.empty()) values["cost"] = a.cost;
+  if (!a.base.empty()) values["base_frame"] = a.base;
+  if (a.reflectivity_scale != 0.0) values["reflectivity_scale"] = a.reflectivity_scale;
+  mapping_common::Parameters reader(values);
+  const SlamParameters parameters = readSlamParameters(reader);
+  reader.rejectUnknown({"reconfigure/"});
+  return parameters;
+}
+
+void run(const Arguments& a) {
+  const SlamParameters parameters = readParameters(a);
+  std::filesystem::create_directories(a.out);
+  int percent = -1;
+  const BagResult result = runBag(a.bag, parameters, [&percent](double share) {
+    const int now = static_cast<int>(100.0 * share);
+    if (now != percent) std::cerr << "\rslam_bag: " << now << " %" << std::flush;
+    percent = now;
+  });
+  std::cerr << '\n';
+  if (result.scanner_is_body) std::cerr << "slam_bag: the scanner is the body, its mounting isn't used\n";
+
+  writeTum(a.out + "/trajectory.tum", result);
+  writeG2o(a.out + "/edges.g2o", result.edges);
+  writeOccupancy(a.out, result.map.level(0));
+  writeReflectivity(a.out + "/reflectivity.png", result.map.level(0));
+  writeTiming(a.out + "/timing.json", result);
+  result.map.save(a.out + "/slam.map");
+
+  std::map<std::string, std::size_t> counts = result.dropped;
+  double seconds = 0.0;
+  for (const auto& entry : result.entries) {
+    ++counts[toString(entry.result.status)];
+    seconds += entry.seconds;
+  }
+  std::cerr << "slam_bag: " << result.entries.size() << " scans, "
+            << 1e3 * seconds / std::max<std::size_t>(1, result.entries.size()) << " ms each:";
+  for (const auto& [name, count] : counts) std::cerr << ' ' << count << ' ' << name;
+  std::cerr << " -> " << a.out << '\n';
+  if (result.entries.empty()) throw std::runtime_error("not one scan could be used");
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  Arguments arguments;
+  try {
+    if (parse(argc, argv, arguments)) run(arguments);
+    return 0;
+  } catch (const po::error& e) {
+    std::cerr << "slam_bag: " << e.what() << "\n\n" << kUsage << "See slam_bag --help\n";
+    return 2;
+  } catch (const std::exception& e) {
+    std::cerr << "slam_bag: " << e.what() << '\n';
+    return 1;
+  }
+}
