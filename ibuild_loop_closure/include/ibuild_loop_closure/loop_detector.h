@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// IBuILD (4.4): detects loop closures in a sequence of images with a binary vocabulary that is built while it
+// runs. The thesis's method, and what goes beyond it as options.
+#pragma once
+
+#include <functional>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "ibuild_loop_closure/features.h"
+#include "ibuild_loop_closure/geometry.h"
+#include "ibuild_loop_closure/temporal.h"
+#include "ibuild_loop_closure/vocabulary.h"
+
+namespace ibuild_loop_closure {
+
+struct LoopDetectorOptions {
+  FeatureOptions features;
+  int tracking_delta = 90;  ///< bits, features of consecutive images nearer than that are matched, 1 to 512
+  int delta = 70;           ///< bits, visual words nearer than that are the same, 1 to 512
+  IndexOptions index;
+  int beta = 10;                ///< the last images are no candidates; and temporal consistency, >= 1
+  double min_similarity = 0.0;  ///< of a loop, without the geometric check, 0 to 1
+
+  // Beyond the thesis.
+  bool grouping = true;  ///< a candidate's similarity is summed with that of its neighbours in time
+  bool geometric_check = true;
+  bool leave_first = true;  ///< with it: what has been in view ever since is no candidate
+  int candidates = 5;       ///< images that undergo the geometric check, >= 1
+  GeometryOptions geometry;
+  TrackOptions tracks;
+
+  /// The method of section 4.4 to the letter, with its exact linear search.
+  static LoopDetectorOptions thesis();
+  /// @throws std::invalid_argument that names the option, its value and the allowed range
+  void validate() const;
+};
+
+struct Frame {
+  cv::Mat image;  ///< see FeatureExtractor::prepare
+  cv::Mat depth;  ///< empty, or of the image's size: 32 bits, m, or 16 bits, mm; 0 or NaN: unknown
+  std::optional<Camera> camera;  ///< intrinsics of both, if known
+};
+
+struct Loop {
+  int query = -1, match = -1;
+  double similarity = 0.0;  ///< 0 to 1: the modified Jaccard index, or e / (e + open_significance) of the
+                            ///< evidence e with the geometric check
+  GeometryResult geometry;  ///< with the geometric check
+};
+
+struct Detection {
+  int image = -1;            ///< its id, counted from 0
+  std::optional<Loop> best;  ///< the most likely loop, accepted or not
+  bool accepted = false;
+  std::vector<double> similarities;  ///< with each earlier image, before any check
+  int features = 0, tracked = 0, old_words = 0, new_words = 0;
+};
+
+/// In the order in which they happen; the rows of Table 4.3 and those beyond.
+enum class Stage {
+  kDetection,
+  kDescription,
+  kTracking,
+  kMerging,
+  kAssignment,
+  kHypotheses,
+  kGeometry,
+  kUpdate
+};
+constexpr int kStages = 8;
+const char* stageName(Stage stage);
+using StageDone = std::function<void(Stage)>;
+
+class LoopDetector {
+ public:
+  /// @throws std::invalid_argument as LoopDetectorOptions::validate
+  explicit LoopDetector(const LoopDetectorOptions& options = {});
+
+  const LoopDetectorOptions& options() const { return options_; }
+  const Vocabulary& vocabulary() const { return vocabulary_; }
+  int images() const { return static_cast<int>(vocabulary_.images()); }
+  /// Its features; empty without the geometric check.
+  const View& view(int image) const { return views_[image]; }
+
+  /// Compares an image with all earlier ones and adds it to the vocabulary.
+  /// @param done called at the end of each stage
+  /// @throws std::invalid_argument if the image or its depth won't do; nothing has changed then
+  Detection process(const Frame& frame, const StageDone& done = {});
+
+  /// Says that the next image doesn't follow the last one: time jumped, the camera was moved.
+  void breakSequence() { last_ = {}; }
+
+  /// See vocabulary_file.h: all but what follows from the last few images.
+  void save(const std::string& path) const;
+  /// Replaces the vocabulary and all images. delta and the index are the file's from then on.
+  /// @throws std::runtime_error with the reason; the detector is then as it was
+  void load(const std::string& path);
+
+ private:
+  std::vector<int> candidatesOf(const std::vector<double>& similarities, int end) const;
+  int endOfCandidates(const View& view);
+  void decideBySimilarity(int end, Detection& detection);
+  void decideByGeometry(const View& view, const std::optional<Camera>& camera, int end, Detection& detection);
+
+  LoopDetectorOptions options_;
+  FeatureExtractor extractor_;
+  Vocabulary vocabulary_;
+  TemporalConsistency consistency_;
+  LoopTracks tracks_;
+  std::vector<View> views_;
+  Features last_;    // of the image before
+  int in_view_ = 0;  // images from this one on show what the last one shows
+};
+
+/// 4.7.1: the largest delta at which matches of consecutive images are not false. Matches are false that
+/// don't fit the pair's epipolar geometry; a share of 5 % is allowed, which pixel noise causes.
+/// @param pairs consecutive images that represent the sequence
+/// @return delta, 0 if too few features match
+int estimateDelta(const std::vector<std::pair<Features, Features>>& pairs, int start = 160);
+
+}  // namespace ibuild_loop_closure

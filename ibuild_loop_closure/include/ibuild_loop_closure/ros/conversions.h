@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <mapping_msgs/EdgeConstraint.h>
+#include <sensor_msgs/CameraInfo.h>
+#include <sensor_msgs/CompressedImage.h>
+#include <sensor_msgs/Image.h>
+
+#include <opencv2/core.hpp>
+#include <optional>
+
+#include "ibuild_loop_closure/geometry.h"
+#include "ibuild_loop_closure/loop_detector.h"
+
+namespace ibuild_loop_closure {
+
+/// Grey, 8 bits; a message of 16 bits is scaled to its range.
+/// @throws std::invalid_argument if the message is empty, its size and its data don't agree or its encoding
+/// is unknown
+cv::Mat toImage(const sensor_msgs::Image& message);
+cv::Mat toImage(const sensor_msgs::CompressedImage& message);
+/// 16UC1 (mm) or 32FC1 (m), REP 118. @throws std::invalid_argument as toImage
+cv::Mat toDepth(const sensor_msgs::Image& message);
+
+/// Of the rectified image (P); none where it isn't calibrated.
+std::optional<Camera> toCamera(const sensor_msgs::CameraInfo& message);
+
+/// @param to_header of the query's image, @param from_stamp of the match's
+mapping_msgs::EdgeConstraint toEdge(const Loop& loop, const std_msgs::Header& to_header,
+                                    const ros::Time& from_stamp, bool other_run);
+
+}  // namespace ibuild_loop_closure

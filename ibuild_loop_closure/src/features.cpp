@@ -1,0 +1,183 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "ibuild_loop_closure/features.h"
+
+#include <algorithm>
+#include <array>
+#include <cstring>
+#include <opencv2/features2d.hpp>
+#include <opencv2/imgproc.hpp>
+#include <stdexcept>
+
+#include "checks.h"
+
+namespace ibuild_loop_closure {
+namespace {
+
+constexpr int kCellsAcross = 10, kCellsDown = 8;
+
+// The strongest key points of each cell of a grid in turn, until there are enough.
+std::vector<cv::KeyPoint> spread(const std::vector<cv::KeyPoint>& sorted, std::size_t count, cv::Size size) {
+  std::array<std::vector<cv::KeyPoint>, kCellsAcross * kCellsDown> cells;
+  for (const cv::KeyPoint& k : sorted) {
+    const int column = std::min(kCellsAcross - 1, static_cast<int>(k.pt.x) * kCellsAcross / size.width);
+    const int row = std::min(kCellsDown - 1, static_cast<int>(k.pt.y) * kCellsDown / size.height);
+    cells[row * kCellsAcross + column].push_back(k);
+  }
+  std::vector<cv::KeyPoint> chosen;
+  chosen.reserve(count);
+  for (std::size_t rank = 0; chosen.size() < count; ++rank) {
+    for (const auto& cell : cells) {
+      if (rank < cell.size() && chosen.size() < count) chosen.push_back(cell[rank]);
+    }
+  }
+  return chosen;
+}
+
+}  // namespace
+
+void FeatureOptions::validate() const {
+  checkRange("threshold", threshold, 1, 255);
+  checkRange("octaves", octaves, 0, 8);
+  checkRange("size", size, 1.0f, 100.0f);
+  checkRange("pattern_scale", pattern_scale, 0.1, 10.0);
+  checkRange("max_features", max_features, 0, 100000);
+  checkRange("max_width", max_width, 0, 100000);
+}
+
+FeatureExtractor::FeatureExtractor(const FeatureOptions& options) : options_(options) {
+  options_.validate();
+  brisk_ = cv::BRISK::create(options.threshold, options.octaves, static_cast<float>(options.pattern_scale));
+  fast_ = cv::FastFeatureDetector::create(options.threshold);
+  clahe_ = cv::createCLAHE(3.0);
+}
+
+FeatureExtractor::FeatureExtractor(FeatureExtractor&&) noexcept = default;
+FeatureExtractor& FeatureExtractor::operator=(FeatureExtractor&&) noexcept = default;
+FeatureExtractor::~FeatureExtractor() = default;
+
+cv::Mat FeatureExtractor::prepare(const cv::Mat& image) const {
+  if (image.empty()) throw std::invalid_argument("the image is empty");
+  if (image.depth() != CV_8U && image.depth() != CV_16U) {
+    throw std::invalid_argument("the image has neither 8 nor 16 bits per channel");
+  }
+  cv::Mat grey = image;
+  if (grey.depth() == CV_16U) cv::normalize(image, grey, 0, 255, cv::NORM_MINMAX, CV_8U);
+  switch (grey.channels()) {
+    case 1:
+      break;
+    case 3:
+      cv::cvtColor(grey, grey, cv::COLOR_BGR2GRAY);
+      break;
+    case 4:
+      cv::cvtColor(grey, grey, cv::COLOR_BGRA2GRAY);
+      break;
+    default:
+      throw std::invalid_argument("the image has " + std::to_string(grey.channels()) +
+                                  " channels, allowed is 1, 3 or 4");
+  }
+  if (options_.max_width > 0 && grey.cols > options_.max_width) {
+    const double factor = static_cast<double>(options_.max_width) / grey.cols;
+    cv::resize(grey, grey, {}, factor, factor, cv::INTER_AREA);
+  }
+  if (options_.equalize) {
+    cv::Mat equalized;
+    clahe_->apply(grey, equalized);
+    return equalized;
+  }
+  return grey;
+}
+
+std::vector<cv::KeyPoint> FeatureExtractor::detect(const cv::Mat& prepared) const {
+  std::vector<cv::KeyPoint> found;
+  if (options_.detector == Detector::kBrisk) {
+    brisk_->detect(prepared, found);
+  } else {
+    fast_->detect(prepared, found);
+    for (cv::KeyPoint& k : found) k.size = options_.size;
+  }
+  const std::size_t count = static_cast<std::size_t>(options_.max_features);
+  if (count == 0 || found.size() <= count) return found;
+  // Equal responses are ordered by place, so that the same image always gives the same.
+  std::sort(found.begin(), found.end(), [](const cv::KeyPoint& a, const cv::KeyPoint& b) {
+    if (a.response != b.response) return a.response > b.response;
+    return a.pt.y != b.pt.y ? a.pt.y < b.pt.y : a.pt.x < b.pt.x;
+  });
+  if (options_.spread) return spread(found, count, prepared.size());
+  found.resize(count);
+  return found;
+}
+
+Features FeatureExtractor::describe(const cv::Mat& prepared, std::vector<cv::KeyPoint> key_points,
+                                    float scale) const {
+  cv::Mat rows;
+  brisk_->compute(prepared, key_points, rows);
+  Features features;
+  features.descriptors.resize(key_points.size());
+  features.points.reserve(key_points.size());
+  for (std::size_t i = 0; i < key_points.size(); ++i) {
+    std::memcpy(features.descriptors[i].bits.data(), rows.ptr(static_cast<int>(i)), sizeof(Descriptor));
+    features.points.push_back(key_points[i].pt * scale);
+  }
+  return features;
+}
+
+Features FeatureExtractor::extract(const cv::Mat& image) const {
+  const cv::Mat prepared = prepare(image);
+  return describe(prepared, detect(prepared), static_cast<float>(image.cols) / prepared.cols);
+}
+
+Nearest nearestOf(const Descriptor& query, const Descriptor* words, std::size_t count) {
+  Nearest nearest;
+  constexpr std::size_t kBlock = 256;
+  std::array<std::uint16_t, kBlock> distances;
+  for (std::size_t first = 0; first < count; first += kBlock) {
+    const std::size_t n = std::min(kBlock, count - first);
+    hammingDistances(query, words + first, n, distances.data());
+    for (std::size_t i = 0; i < n; ++i) {
+      if (distances[i] >= nearest.second) continue;
+      if (distances[i] < nearest.distance) {
+        nearest.second = nearest.distance;
+        nearest.distance = distances[i];
+        nearest.index = first + i;
+      } else {
+        nearest.second = distances[i];
+      }
+    }
+  }
+  return nearest;
+}
+
+std::vector<Match> matchDescriptors(const std::vector<Descriptor>& a, const std::vector<Descriptor>& b,
+                                    int delta, double ratio) {
+  std::vector<Match> matches;
+  if (b.empty()) return matches;
+  // Signed 16 bits: their minima take one instruction for eight on any x86-64.
+  std::vector<std::int16_t> distances(b.size()), nearest_to_b(b.size(), Descriptor::kBits + 1);
+  const auto minimum = [&distances] {
+    std::int16_t least = Descriptor::kBits + 1;
+    for (std::int16_t d : distances) least = std::min(least, d);
+    return least;
+  };
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    hammingDistances(a[i], b.data(), b.size(), reinterpret_cast<std::uint16_t*>(distances.data()));
+    for (std::size_t j = 0; j < b.size(); ++j) nearest_to_b[j] = std::min(nearest_to_b[j], distances[j]);
+    const std::int16_t least = minimum();
+    if (least >= delta) continue;
+    const auto at = std::find(distances.begin(), distances.end(), least);
+    if (ratio < 1.0) {
+      *at = Descriptor::kBits + 1;
+      if (least >= ratio * minimum()) continue;
+    }
+    matches.push_back({static_cast<int>(i), static_cast<int>(at - distances.begin()), least});
+  }
+  std::vector<char> taken(b.size(), 0);
+  const auto not_mutual = [&](const Match& m) {
+    if (m.distance > nearest_to_b[m.b] || taken[m.b]) return true;
+    taken[m.b] = 1;
+    return false;
+  };
+  matches.erase(std::remove_if(matches.begin(), matches.end(), not_mutual), matches.end());
+  return matches;
+}
+
+}  // namespace ibuild_loop_closure

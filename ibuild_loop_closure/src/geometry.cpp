@@ -1,0 +1,260 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "ibuild_loop_closure/geometry.h"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/calib3d.hpp>
+#include <opencv2/core/eigen.hpp>
+#include <random>
+
+#include "checks.h"
+
+namespace ibuild_loop_closure {
+namespace {
+
+constexpr std::size_t kLayoutPoints = 2, kEpipolarPoints = 8, kPosePoints = 4;
+
+struct PointPairs {
+  std::vector<cv::Point2f> query, match;
+};
+
+PointPairs pointsOf(const View& query, const View& match, const std::vector<Match>& pairs) {
+  PointPairs points;
+  for (const Match& pair : pairs) {
+    points.query.push_back(query.features.points[pair.a]);
+    points.match.push_back(match.features.points[pair.b]);
+  }
+  return points;
+}
+
+// q = (c, -s; s, c) p + offset
+struct Layout {
+  cv::Point2f rotation{1.0f, 0.0f}, offset;
+  cv::Point2f operator()(const cv::Point2f& p) const {
+    return {rotation.x * p.x - rotation.y * p.y + offset.x, rotation.y * p.x + rotation.x * p.y + offset.y};
+  }
+};
+
+std::optional<Layout> layoutOf(const PointPairs& p, std::size_t i, std::size_t j, float min_distance,
+                               double max_scale) {
+  const cv::Point2f from = p.query[j] - p.query[i], to = p.match[j] - p.match[i];
+  const float length = from.dot(from);
+  if (length < min_distance * min_distance) return {};
+  Layout layout;
+  layout.rotation = {from.dot(to) / length, static_cast<float>(from.cross(to)) / length};
+  const double scale = std::hypot(layout.rotation.x, layout.rotation.y);
+  if (!(scale <= max_scale && scale * max_scale >= 1.0)) return {};
+  layout.offset = p.match[i] - layout(p.query[i]);
+  return layout;
+}
+
+// Features that are drawn from one spot are no independent evidence: counts those at least that far apart.
+int distinct(const std::vector<cv::Point2f>& points, float distance) {
+  std::vector<cv::Point2f> kept;
+  for (const cv::Point2f& p : points) {
+    const auto near = [&](const cv::Point2f& k) { return (k - p).dot(k - p) < distance * distance; };
+    if (std::none_of(kept.begin(), kept.end(), near)) kept.push_back(p);
+  }
+  return static_cast<int>(kept.size());
+}
+
+double log10Choose(int n, int k) {
+  return (std::lgamma(n + 1.0) - std::lgamma(k + 1.0) - std::lgamma(n - k + 1.0)) / std::log(10.0);
+}
+
+double significanceOf(int matches, int inliers, double probability) {
+  if (inliers <= static_cast<int>(kLayoutPoints)) return 0.0;
+  return -(log10Choose(matches, inliers) + log10Choose(inliers, kLayoutPoints) +
+           static_cast<double>(inliers - kLayoutPoints) * std::log10(probability));
+}
+
+// Share of a grid over the query's image that falls into the other's.
+double overlapOf(const Layout& layout, cv::Size query, cv::Size match) {
+  constexpr int kSteps = 20;
+  int inside = 0;
+  for (int i = 0; i < kSteps * kSteps; ++i) {
+    const cv::Point2f p =
+        layout({(i % kSteps + 0.5f) * query.width / kSteps, (i / kSteps + 0.5f) * query.height / kSteps});
+    inside += p.x >= 0 && p.y >= 0 && p.x < match.width && p.y < match.height;
+  }
+  return static_cast<double>(inside) / (kSteps * kSteps);
+}
+
+cv::Matx33d matrixOf(const Camera& c) {
+  return {c.fx, 0, c.cx, 0, c.fy, c.cy, 0, 0, 1};
+}
+
+// Pose from the match's points in space and the query's pixels. Its information is J^T J / sigma^2 of the
+// projected points, sigma a pixel's error estimated from the residuals.
+std::optional<RelativePose> relativePose(const View& query, const View& match, const Camera& camera,
+                                         double tolerance, std::vector<Match>& pairs) {
+  std::vector<cv::Point3d> space;
+  std::vector<cv::Point2d> pixels;
+  std::vector<Match> used;
+  for (const Match& pair : pairs) {
+    const double z = match.depths[pair.b];
+    if (!(z > 0.0 && std::isfinite(z))) continue;
+    const cv::Point2f p = match.features.points[pair.b];
+    space.emplace_back((p.x - camera.cx) / camera.fx * z, (p.y - camera.cy) / camera.fy * z, z);
+    pixels.emplace_back(query.features.points[pair.a]);
+    used.push_back(pair);
+  }
+  cv::Mat rotation, translation;
+  std::vector<int> inliers;
+  if (space.size() < kPosePoints ||
+      !cv::solvePnPRansac(space, pixels, matrixOf(camera), cv::noArray(), rotation, translation, false, 100,
+                          static_cast<float>(tolerance), 0.99, inliers)) {
+    return {};
+  }
+  std::vector<cv::Point3d> good_space;
+  std::vector<cv::Point2d> good_pixels;
+  std::vector<Match> good;
+  for (int i : inliers) {
+    good_space.push_back(space[i]);
+    good_pixels.push_back(pixels[i]);
+    good.push_back(used[i]);
+  }
+  if (good.size() < kPosePoints) return {};
+  cv::solvePnP(good_space, good_pixels, matrixOf(camera), cv::noArray(), rotation, translation, true,
+               cv::SOLVEPNP_ITERATIVE);
+
+  cv::Mat matrix;
+  cv::Rodrigues(rotation, matrix);
+  Eigen::Matrix3d r;
+  Eigen::Vector3d t;
+  cv::cv2eigen(matrix, r);
+  cv::cv2eigen(translation, t);
+  RelativePose pose;
+  Eigen::Isometry3d query_from_match = Eigen::Isometry3d::Identity();
+  query_from_match.linear() = r;
+  query_from_match.translation() = t;
+  pose.transform = query_from_match.inverse();
+  pose.inliers = static_cast<int>(good.size());
+
+  double squares = 0.0;
+  for (std::size_t i = 0; i < good.size(); ++i) {
+    const Eigen::Vector3d x =
+        query_from_match * Eigen::Vector3d(good_space[i].x, good_space[i].y, good_space[i].z);
+    if (x.z() <= 0.0) return {};
+    Eigen::Matrix<double, 2, 3> project;
+    project << camera.fx / x.z(), 0, -camera.fx * x.x() / (x.z() * x.z()), 0, camera.fy / x.z(),
+        -camera.fy * x.y() / (x.z() * x.z());
+    // A small motion (v, w) of the query's camera in its own frame moves the point by -v + x cross w. The
+    // transform's translation is in the match's frame: v = R dt.
+    Eigen::Matrix3d cross;
+    cross << 0, -x.z(), x.y(), x.z(), 0, -x.x(), -x.y(), x.x(), 0;
+    Eigen::Matrix<double, 2, 6> jacobian;
+    jacobian << -project * r, project * cross;
+    pose.information += jacobian.transpose() * jacobian;
+    const double du = camera.fx * x.x() / x.z() + camera.cx - good_pixels[i].x;
+    const double dv = camera.fy * x.y() / x.z() + camera.cy - good_pixels[i].y;
+    squares += du * du + dv * dv;
+  }
+  const double freedom = std::max(1.0, 2.0 * static_cast<double>(good.size()) - 6.0);
+  pose.information /= std::max(0.25, squares / freedom);  // no better than half a pixel
+  pairs = std::move(good);
+  return pose;
+}
+
+}  // namespace
+
+void GeometryOptions::validate() const {
+  checkRange("geometry max_features", max_features, 8, 100000);
+  checkRange("geometry delta", delta, 1, Descriptor::kBits);
+  checkRange("ratio", ratio, 0.1, 1.0);
+  checkRange("layout_tolerance", layout_tolerance, 0.001, 0.5);
+  checkRange("epipolar_tolerance", epipolar_tolerance, 0.0001, 0.1);
+  checkRange("min_overlap", min_overlap, 0.0, 1.0);
+  checkRange("max_scale", max_scale, 1.0, 100.0);
+  checkRange("iterations", iterations, 1, 100000);
+  checkRange("min_inliers", min_inliers, 8, 10000);
+}
+
+GeometryResult checkLayout(const View& query, const View& match, const GeometryOptions& options) {
+  GeometryResult result;
+  const std::vector<Match> pairs =
+      matchDescriptors(query.features.descriptors, match.features.descriptors, options.delta, options.ratio);
+  result.matches = static_cast<int>(pairs.size());
+  if (pairs.size() <= kLayoutPoints) return result;
+  const PointPairs points = pointsOf(query, match, pairs);
+  const auto tolerance = static_cast<float>(options.layout_tolerance * match.size.width);
+  const float min_distance = 0.05f * static_cast<float>(query.size.width);
+
+  Layout best;
+  std::vector<std::size_t> inliers, fitting;
+  std::mt19937 random(1);  // the same images always give the same result
+  for (int i = 0; i < options.iterations; ++i) {
+    const std::size_t a = random() % pairs.size(), b = random() % pairs.size();
+    const auto layout = layoutOf(points, a, b, min_distance, options.max_scale);
+    if (!layout) continue;
+    fitting.clear();
+    for (std::size_t k = 0; k < pairs.size(); ++k) {
+      const cv::Point2f error = (*layout)(points.query[k]) - points.match[k];
+      if (error.dot(error) < tolerance * tolerance) fitting.push_back(k);
+    }
+    if (fitting.size() <= inliers.size()) continue;
+    inliers = fitting;
+    best = *layout;
+  }
+  std::vector<cv::Point2f> spots;
+  for (std::size_t k : inliers) {
+    result.pairs.push_back(pairs[k]);
+    spots.push_back(points.query[k]);
+  }
+  const int count = distinct(spots, 0.008f * static_cast<float>(query.size.width));
+  const double probability = std::min(0.5, CV_PI * tolerance * tolerance / match.size.area());
+  result.scale = std::hypot(best.rotation.x, best.rotation.y);
+  result.overlap = overlapOf(best, query.size, match.size);
+  if (result.overlap >= options.min_overlap) {
+    result.significance = significanceOf(result.matches, count, probability);
+  }
+  return result;
+}
+
+View firstFeatures(const View& view, std::size_t count) {
+  View first = view;
+  if (view.features.size() <= count) return first;
+  first.features.points.resize(count);
+  first.features.descriptors.resize(count);
+  if (!first.depths.empty()) first.depths.resize(count);
+  return first;
+}
+
+void verify(const View& query, const View& match, const std::optional<Camera>& camera,
+            const GeometryOptions& options, GeometryResult& result) {
+  result.inliers = 0;
+  result.verified = false;
+  const double tolerance = options.epipolar_tolerance * query.size.width;
+  if (camera && !match.depths.empty()) {
+    std::vector<Match> pairs = result.pairs;
+    result.pose = relativePose(query, match, *camera, tolerance, pairs);
+    if (result.pose && result.pose->inliers >= options.min_inliers) {
+      result.inliers = result.pose->inliers;
+      result.verified = true;
+      result.pairs = std::move(pairs);
+      return;
+    }
+    result.pose.reset();  // too few depths: the images alone may still do
+  }
+  if (result.pairs.size() < kEpipolarPoints) return;
+  const PointPairs points = pointsOf(query, match, result.pairs);
+  cv::Mat mask;
+  if (camera) {
+    cv::findEssentialMat(points.query, points.match, matrixOf(*camera), cv::RANSAC, 0.99, tolerance, mask);
+  } else {
+    cv::findFundamentalMat(points.query, points.match, cv::FM_RANSAC, tolerance, 0.99, mask);
+  }
+  if (mask.empty()) return;
+  std::vector<Match> pairs;
+  std::vector<cv::Point2f> spots;
+  for (std::size_t i = 0; i < result.pairs.size(); ++i) {
+    if (mask.at<unsigned char>(static_cast<int>(i)) == 0) continue;
+    pairs.push_back(result.pairs[i]);
+    spots.push_back(points.query[i]);
+  }
+  result.inliers = distinct(spots, 0.008f * static_cast<float>(query.size.width));
+  result.verified = result.inliers >= options.min_inliers;
+  result.pairs = std::move(pairs);
+}
+
+}  // namespace ibuild_loop_closure

@@ -1,0 +1,268 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "ibuild_loop_closure/loop_detector.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <stdexcept>
+
+#include "checks.h"
+#include "ibuild_loop_closure/vocabulary_file.h"
+
+namespace ibuild_loop_closure {
+namespace {
+
+// Depth (m) at the features, 0 where it is unknown.
+std::vector<float> depthsAt(const cv::Mat& depth, const std::vector<cv::Point2f>& points) {
+  std::vector<float> depths;
+  if (depth.empty()) return depths;
+  depths.reserve(points.size());
+  for (const cv::Point2f& p : points) {
+    const int x = std::min(depth.cols - 1, std::max(0, cvRound(p.x)));
+    const int y = std::min(depth.rows - 1, std::max(0, cvRound(p.y)));
+    const float z = depth.type() == CV_16UC1 ? 1e-3f * depth.at<std::uint16_t>(y, x) : depth.at<float>(y, x);
+    depths.push_back(std::isfinite(z) && z > 0.0f ? z : 0.0f);
+  }
+  return depths;
+}
+
+void checkDepth(const Frame& frame) {
+  if (frame.depth.empty()) return;
+  if (frame.depth.size() != frame.image.size())
+    throw std::invalid_argument("the depth image and the image differ in size");
+  if (frame.depth.type() != CV_16UC1 && frame.depth.type() != CV_32FC1)
+    throw std::invalid_argument("the depth image has neither 16 bits (mm) nor 32 bits (m)");
+}
+
+}  // namespace
+
+LoopDetectorOptions LoopDetectorOptions::thesis() {
+  LoopDetectorOptions o;
+  o.features.detector = Detector::kBrisk;
+  o.features.threshold = 30;
+  o.features.octaves = 3;
+  o.features.max_features = 0;
+  o.tracking_delta = o.delta = 70;
+  o.index.type = IndexType::kLinear;
+  o.index.nearest = false;
+  o.grouping = o.leave_first = o.geometric_check = false;
+  return o;
+}
+
+void LoopDetectorOptions::validate() const {
+  features.validate();
+  checkRange("tracking_delta", tracking_delta, 1, Descriptor::kBits);
+  checkRange("delta", delta, 1, Descriptor::kBits);
+  index.validate();
+  checkRange("beta", beta, 1, 1000000);
+  checkRange("min_similarity", min_similarity, 0.0, 1.0);
+  checkRange("candidates", candidates, 1, 10000);
+  geometry.validate();
+  tracks.validate();
+}
+
+const char* stageName(Stage stage) {
+  switch (stage) {
+    case Stage::kDetection:
+      return "Keypoint detection";
+    case Stage::kDescription:
+      return "Descriptor extraction";
+    case Stage::kTracking:
+      return "Matching with the last image";
+    case Stage::kMerging:
+      return "Clustering";
+    case Stage::kAssignment:
+      return "Assignment to BOW";
+    case Stage::kHypotheses:
+      return "Loop closure hypotheses";
+    case Stage::kGeometry:
+      return "Evaluation";
+    case Stage::kUpdate:
+      return "Vocabulary update";
+  }
+  return "";
+}
+
+LoopDetector::LoopDetector(const LoopDetectorOptions& options)
+    : options_((options.validate(), options)),
+      extractor_(options.features),
+      vocabulary_(options.delta, options.index),
+      consistency_(options.beta),
+      tracks_(options.tracks, options.beta) {}
+
+Detection LoopDetector::process(const Frame& frame, const StageDone& done) {
+  const auto finish = [&done](Stage stage) {
+    if (done) done(stage);
+  };
+  const cv::Mat prepared = extractor_.prepare(frame.image);
+  checkDepth(frame);
+  auto key_points = extractor_.detect(prepared);
+  finish(Stage::kDetection);
+  View view;
+  view.size = frame.image.size();
+  view.features =
+      extractor_.describe(prepared, std::move(key_points),
+                          static_cast<float>(frame.image.cols) / static_cast<float>(prepared.cols));
+  finish(Stage::kDescription);
+
+  // Fig. 4.7: what is seen in two consecutive images is likely to be seen again.
+  const std::vector<Descriptor>& descriptors = view.features.descriptors;
+  std::vector<Descriptor> tracked;
+  for (const Match& m : matchDescriptors(descriptors, last_.descriptors, options_.tracking_delta)) {
+    tracked.push_back(centroid(descriptors[m.a], last_.descriptors[m.b]));
+  }
+  finish(Stage::kTracking);
+  Detection detection;
+  detection.features = static_cast<int>(view.features.size());
+  detection.tracked = static_cast<int>(tracked.size());
+  const std::vector<Descriptor> words = mergeDescriptors(std::move(tracked), vocabulary_.delta());
+  finish(Stage::kMerging);
+  const Assignment assignment = vocabulary_.assign(words);
+  finish(Stage::kAssignment);
+
+  detection.image = images();
+  detection.old_words = static_cast<int>(assignment.old_words.size());
+  detection.new_words = static_cast<int>(assignment.new_words.size());
+  detection.similarities = options_.geometric_check ? vocabulary_.idfSimilarities(assignment)
+                                                    : vocabulary_.similarities(assignment);
+  const int end = std::max(0, detection.image - options_.beta + 1);
+  if (!options_.geometric_check) decideBySimilarity(end, detection);
+  finish(Stage::kHypotheses);
+  Features last_features = view.features;
+  if (options_.geometric_check) {
+    view = firstFeatures(view, options_.geometry.max_features);
+    view.depths = depthsAt(frame.depth, view.features.points);
+    decideByGeometry(view, frame.camera, endOfCandidates(view), detection);
+  }
+  finish(Stage::kGeometry);
+
+  vocabulary_.update(assignment);
+  last_ = std::move(last_features);
+  if (options_.geometric_check) views_.push_back(std::move(view));
+  finish(Stage::kUpdate);
+  return detection;
+}
+
+// Candidates are the images before that one: t_L = t - beta and earlier. If so wanted none of those either
+// that show what has been in view since then: a slow camera closes no loop.
+int LoopDetector::endOfCandidates(const View& view) {
+  const int end = std::max(0, images() - options_.beta + 1);
+  if (!options_.geometric_check || !options_.leave_first) return end;
+  const int step = std::max(1, options_.beta / 2);
+  constexpr std::size_t kFew = 500;  // features are enough to see what hardly differs
+  const View glance = firstFeatures(view, kFew);
+  const auto shows_the_same = [&](int image) {
+    return checkLayout(glance, firstFeatures(views_[image], kFew), options_.geometry).significance >=
+           options_.tracks.min_significance;
+  };
+  while (in_view_ < end && !shows_the_same(in_view_)) in_view_ += step;
+  in_view_ = std::min(in_view_, end);
+  return in_view_;
+}
+
+// The arg max of 4.4.3. Normalizing doesn't change it, and would make the similarity depend on the sequence's
+// length.
+void LoopDetector::decideBySimilarity(int end, Detection& detection) {
+  const std::vector<double>& s = detection.similarities;
+  int hypotheses = 0;
+  Loop best;
+  double most = 0.0;
+  for (int i = 0; i < end; ++i) {
+    if (s[i] <= 0.0) continue;
+    ++hypotheses;
+    double sum = s[i];
+    if (options_.grouping) sum += (i > 0 ? s[i - 1] : 0.0) + (i + 1 < end ? s[i + 1] : 0.0);
+    if (sum > most) {
+      most = sum;
+      best.match = i;
+      best.similarity = s[i];
+    }
+  }
+  if (hypotheses <= 1) return;  // |L| > 1
+  best.query = detection.image;
+  detection.accepted =
+      best.similarity >= options_.min_similarity && consistency_.allows(best.query, best.match);
+  if (detection.accepted) consistency_.accept(best.query, best.match);
+  detection.best = best;
+}
+
+std::vector<int> LoopDetector::candidatesOf(const std::vector<double>& similarities, int end) const {
+  std::vector<double> grouped(similarities.begin(), similarities.begin() + end);
+  if (options_.grouping) {
+    for (int i = 0; i < end; ++i) {
+      grouped[i] += (i > 0 ? similarities[i - 1] : 0.0) + (i + 1 < end ? similarities[i + 1] : 0.0);
+    }
+  }
+  std::vector<int> order(end);
+  std::iota(order.begin(), order.end(), 0);
+  const auto count = std::min(end, options_.candidates);
+  std::partial_sort(order.begin(), order.begin() + count, order.end(),
+                    [&](int a, int b) { return grouped[a] != grouped[b] ? grouped[a] > grouped[b] : a < b; });
+  order.resize(count);
+  order.erase(std::remove_if(order.begin(), order.end(), [&](int i) { return grouped[i] <= 0.0; }),
+              order.end());
+  // As many again where open tracks go on, whatever their similarity.
+  const std::size_t most = 2 * static_cast<std::size_t>(options_.candidates);
+  for (int image : tracks_.expected(images())) {
+    if (order.size() >= most) break;
+    if (image < end && std::find(order.begin(), order.end(), image) == order.end()) order.push_back(image);
+  }
+  return order;
+}
+
+void LoopDetector::decideByGeometry(const View& view, const std::optional<Camera>& camera, int end,
+                                    Detection& detection) {
+  struct Checked {
+    int image;
+    GeometryResult result;
+  };
+  std::vector<Checked> checked;
+  for (int candidate : candidatesOf(detection.similarities, end)) {
+    GeometryResult result = checkLayout(view, views_[candidate], options_.geometry);
+    if (result.significance >= options_.tracks.min_significance)
+      checked.push_back({candidate, std::move(result)});
+  }
+  std::stable_sort(checked.begin(), checked.end(), [](const Checked& a, const Checked& b) {
+    return a.result.significance > b.result.significance;
+  });
+  constexpr std::size_t kVerified = 4;  // the most significant ones, as this takes the most time
+  std::vector<LoopTracks::Hypothesis> hypotheses;
+  for (std::size_t i = 0; i < checked.size(); ++i) {
+    GeometryResult& result = checked[i].result;
+    if (i < kVerified) verify(view, views_[checked[i].image], camera, options_.geometry, result);
+    hypotheses.push_back(
+        {checked[i].image, result.significance, result.verified, std::min(result.scale, 1.0 / result.scale)});
+  }
+  const LoopTracks::Decision decision = tracks_.decide(detection.image, hypotheses);
+  if (decision.hypothesis < 0) return;
+  Loop best;
+  best.query = detection.image;
+  best.match = hypotheses[decision.hypothesis].match;
+  best.similarity = decision.evidence / (decision.evidence + options_.tracks.open_significance);
+  best.geometry = std::move(checked[decision.hypothesis].result);
+  detection.best = std::move(best);
+  detection.accepted = decision.accepted;
+}
+
+void LoopDetector::save(const std::string& path) const {
+  saveVocabulary(path, {vocabulary_.content(), views_});
+}
+
+void LoopDetector::load(const std::string& path) {
+  VocabularyFile file = loadVocabulary(path);
+  try {
+    if (options_.geometric_check && file.views.size() != file.content.image_words.size())
+      throw std::runtime_error("it was made without the geometric check, whose features it lacks");
+    LoopDetectorOptions options = options_;
+    options.delta = file.content.delta;
+    options.index = file.content.index;
+    LoopDetector loaded(options);
+    loaded.vocabulary_ = Vocabulary::restore(std::move(file.content));
+    if (options.geometric_check) loaded.views_ = std::move(file.views);
+    *this = std::move(loaded);
+  } catch (const std::exception& e) {
+    throw std::runtime_error(path + " was not loaded: " + e.what());
+  }
+}
+
+}  // namespace ibuild_loop_closure

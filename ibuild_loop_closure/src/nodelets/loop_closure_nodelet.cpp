@@ -1,0 +1,417 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// Detects loop closures in the images of a camera. Everything happens in the nodelet's single-threaded
+// callback queue, so that nothing here needs a lock.
+#include <cv_bridge/cv_bridge.h>
+#include <diagnostic_updater/diagnostic_updater.h>
+#include <dynamic_reconfigure/server.h>
+#include <ibuild_loop_closure/LoopClosureConfig.h>
+#include <image_transport/image_transport.h>
+#include <mapping_msgs/EdgeConstraint.h>
+#include <mapping_msgs/LoadMap.h>
+#include <mapping_msgs/SaveMap.h>
+#include <message_filters/subscriber.h>
+#include <message_filters/sync_policies/approximate_time.h>
+#include <message_filters/synchronizer.h>
+#include <nodelet/nodelet.h>
+#include <std_srvs/Empty.h>
+#include <tf2_eigen/tf2_eigen.h>
+#include <tf2_ros/buffer.h>
+#include <tf2_ros/transform_listener.h>
+
+#include <algorithm>
+#include <array>
+#include <memory>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <pluginlib/class_list_macros.hpp>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "ibuild_loop_closure/pictures.h"
+#include "ibuild_loop_closure/ros/conversions.h"
+#include "ibuild_loop_closure/ros/parameters.h"
+
+namespace ibuild_loop_closure {
+namespace {
+
+// Why an image was dropped.
+enum Reason { kMalformed, kOutOfOrder, kNoTransform, kNumReasons };
+constexpr std::array<const char*, kNumReasons> kReasons = {"malformed", "out of order", "no transform"};
+
+// Stamps may be out of order by this much before time is said to have jumped back.
+const ros::Duration kJump(1.0);
+
+constexpr int kThumbnailWidth = 320;  // pixels, of the debug image's halves
+
+// What happened since the last diagnostics.
+struct Activity {
+  std::size_t images = 0, key_frames = 0, drops = 0;
+  std::array<double, kStages> seconds = {};
+  double longest = 0.0;
+};
+
+void requireAbsolute(const std::string& path) {
+  if (path.empty() || path[0] != '/')
+    throw std::invalid_argument("path is '" + path + "', allowed is an absolute path");
+}
+
+}  // namespace
+
+class LoopClosureNodelet : public nodelet::Nodelet {
+ public:
+  ~LoopClosureNodelet() override;
+
+ private:
+  void onInit() override;
+  void start();
+  void subscribe();
+  template <class Message>
+  void arrived(const boost::shared_ptr<const Message>& image, const sensor_msgs::ImageConstPtr& depth);
+  bool inOrder(const ros::Time& stamp);
+  bool poseAt(const std_msgs::Header& header, std::optional<Eigen::Isometry3d>& pose);
+  void process(const Frame& frame, const std_msgs::Header& header);
+  void publish(const Loop& loop, const std_msgs::Header& header);
+  void drop(Reason reason, const std::string& why);
+
+  bool saveVocabulary(mapping_msgs::SaveMap::Request& request, mapping_msgs::SaveMap::Response& response);
+  bool loadVocabulary(mapping_msgs::LoadMap::Request& request, mapping_msgs::LoadMap::Response& response);
+  std::string load(const std::string& path);
+  bool reset(std_srvs::Empty::Request&, std_srvs::Empty::Response&);
+  void reconfigure(LoopClosureConfig& config, std::uint32_t level);
+  void diagnose();
+  void diagnoseInput(diagnostic_updater::DiagnosticStatusWrapper& status);
+  void diagnoseLoops(diagnostic_updater::DiagnosticStatusWrapper& status);
+
+  LoopClosureParameters parameters_;
+  std::unique_ptr<LoopDetector> detector_;
+  KeyFrameSelector key_frames_;
+  std::optional<Camera> camera_;
+  // Of each image of the vocabulary; those that a file brought have stamp zero and no thumbnail.
+  std::vector<ros::Time> stamps_;
+  std::vector<std::vector<unsigned char>> thumbnails_;  // JPEG
+  int loaded_ = 0;
+  ros::Time last_stamp_;
+
+  tf2_ros::Buffer tf_buffer_;
+  std::unique_ptr<tf2_ros::TransformListener> tf_listener_;
+  std::unique_ptr<image_transport::ImageTransport> transport_;
+  image_transport::Subscriber images_;
+  ros::Subscriber camera_info_, compressed_images_;
+  template <class Message>
+  struct WithDepth {
+    using Policy = message_filters::sync_policies::ApproximateTime<Message, sensor_msgs::Image>;
+    message_filters::Subscriber<Message> images;
+    message_filters::Subscriber<sensor_msgs::Image> depths;
+    std::unique_ptr<message_filters::Synchronizer<Policy>> synchronizer;
+  };
+  template <class Message>
+  void subscribeWithDepth(WithDepth<Message>& both, const std::string& topic);
+  WithDepth<sensor_msgs::Image> raw_with_depth_;
+  WithDepth<sensor_msgs::CompressedImage> compressed_with_depth_;
+  ros::Publisher loops_;
+  image_transport::Publisher debug_images_;
+  std::vector<ros::ServiceServer> services_;
+  boost::recursive_mutex reconfigure_mutex_;
+  std::unique_ptr<dynamic_reconfigure::Server<LoopClosureConfig>> reconfigure_server_;
+  std::unique_ptr<diagnostic_updater::Updater> diagnostics_;
+  ros::WallTimer diagnostics_timer_;
+  ros::WallTime last_diagnostics_;
+  Activity activity_;
+  std::array<std::size_t, kNumReasons> dropped_ = {};
+  std::size_t accepted_ = 0, with_transform_ = 0;
+};
+
+LoopClosureNodelet::~LoopClosureNodelet() {
+  if (!detector_ || parameters_.save_on_shutdown.empty() || detector_->images() == 0) return;
+  try {
+    detector_->save(parameters_.save_on_shutdown);
+    NODELET_INFO_STREAM("Wrote " << detector_->images() << " images to " << parameters_.save_on_shutdown);
+  } catch (const std::exception& e) {
+    NODELET_ERROR_STREAM("The vocabulary is lost: " << e.what());
+  }
+}
+
+void LoopClosureNodelet::onInit() {
+  try {
+    start();
+  } catch (const std::exception& e) {
+    NODELET_FATAL_STREAM("Not started: " << e.what());
+    throw;  // the manager then reports that the nodelet could not be loaded
+  }
+}
+
+void LoopClosureNodelet::start() {
+  ros::NodeHandle& node = getNodeHandle();
+  ros::NodeHandle& private_node = getPrivateNodeHandle();
+  XmlRpc::XmlRpcValue values;
+  private_node.getParam(private_node.getNamespace(), values);
+  mapping_common::Parameters reader(values);
+  parameters_ = readLoopClosureParameters(reader);
+  reader.rejectUnknown({"reconfigure/", "debug_image/"});
+
+  detector_ = std::make_unique<LoopDetector>(parameters_.detector);
+  if (!parameters_.vocabulary_file.empty()) NODELET_INFO_STREAM(load(parameters_.vocabulary_file));
+  key_frames_.options = parameters_.key_frames;
+
+  loops_ = node.advertise<mapping_msgs::EdgeConstraint>("loop_closures", 100);
+  transport_ = std::make_unique<image_transport::ImageTransport>(node);
+  if (parameters_.debug_image) {
+    debug_images_ = image_transport::ImageTransport(private_node).advertise("debug_image", 1);
+  }
+  reconfigure_server_ = std::make_unique<dynamic_reconfigure::Server<LoopClosureConfig>>(
+      reconfigure_mutex_, ros::NodeHandle(private_node, "reconfigure"));
+  LoopClosureConfig config;
+  config.min_interval = parameters_.key_frames.min_interval;
+  config.min_distance = parameters_.key_frames.min_distance;
+  config.min_angle = parameters_.key_frames.min_angle;
+  config.min_difference = parameters_.key_frames.min_difference;
+  reconfigure_server_->updateConfig(config);
+  reconfigure_server_->setCallback(
+      [this](LoopClosureConfig& c, std::uint32_t level) { reconfigure(c, level); });
+
+  tf_listener_ = std::make_unique<tf2_ros::TransformListener>(tf_buffer_, node, false);
+  subscribe();
+  services_ = {private_node.advertiseService("save_vocabulary", &LoopClosureNodelet::saveVocabulary, this),
+               private_node.advertiseService("load_vocabulary", &LoopClosureNodelet::loadVocabulary, this),
+               private_node.advertiseService("reset", &LoopClosureNodelet::reset, this)};
+
+  diagnostics_ = std::make_unique<diagnostic_updater::Updater>(node, private_node, getName());
+  diagnostics_->setHardwareID("none");
+  diagnostics_->add("Input", this, &LoopClosureNodelet::diagnoseInput);
+  diagnostics_->add("Loop closure", this, &LoopClosureNodelet::diagnoseLoops);
+  last_diagnostics_ = ros::WallTime::now();
+  diagnostics_timer_ =
+      node.createWallTimer(ros::WallDuration(1.0), [this](const ros::WallTimerEvent&) { diagnose(); });
+}
+
+// --------------------------------------------------------------------------------------------------- input
+
+void LoopClosureNodelet::subscribe() {
+  ros::NodeHandle& node = getNodeHandle();
+  const int queue = parameters_.queue_size;
+  // As image_transport names it; its plugin isn't everywhere, and unpacking takes none.
+  const std::string compressed = node.resolveName("image") + "/compressed";
+  const bool raw = parameters_.image_transport == "raw";
+  camera_info_ = node.subscribe<sensor_msgs::CameraInfo>(
+      "camera_info", 1, [this](const sensor_msgs::CameraInfoConstPtr& info) { camera_ = toCamera(*info); });
+  if (parameters_.use_depth && raw) {
+    subscribeWithDepth(raw_with_depth_, "image");
+  } else if (parameters_.use_depth) {
+    subscribeWithDepth(compressed_with_depth_, compressed);
+  } else if (raw) {
+    images_ = transport_->subscribe(
+        "image", queue, [this](const sensor_msgs::ImageConstPtr& image) { arrived(image, nullptr); });
+  } else {
+    compressed_images_ = node.subscribe<sensor_msgs::CompressedImage>(
+        compressed, queue,
+        [this](const sensor_msgs::CompressedImageConstPtr& image) { arrived(image, nullptr); });
+  }
+}
+
+template <class Message>
+void LoopClosureNodelet::subscribeWithDepth(WithDepth<Message>& both, const std::string& topic) {
+  const auto queue = static_cast<std::uint32_t>(parameters_.queue_size);
+  both.images.subscribe(getNodeHandle(), topic, queue);
+  both.depths.subscribe(getNodeHandle(), "depth", queue);
+  using Policy = typename WithDepth<Message>::Policy;
+  both.synchronizer =
+      std::make_unique<message_filters::Synchronizer<Policy>>(Policy(queue), both.images, both.depths);
+  both.synchronizer->registerCallback(&LoopClosureNodelet::arrived<Message>, this);
+}
+
+template <class Message>
+void LoopClosureNodelet::arrived(const boost::shared_ptr<const Message>& image,
+                                 const sensor_msgs::ImageConstPtr& depth) {
+  ++activity_.images;
+  const std_msgs::Header& header = image->header;
+  if (!inOrder(header.stamp)) return;
+  try {
+    Frame frame;
+    frame.image = toImage(*image);
+    std::optional<Eigen::Isometry3d> pose;
+    if (!poseAt(header, pose)) return;
+    if (!key_frames_.select(header.stamp.toSec(), pose, frame.image)) return;
+    if (depth) frame.depth = toDepth(*depth);
+    frame.camera = camera_;
+    process(frame, header);
+  } catch (const std::exception& e) {
+    drop(kMalformed, e.what());
+  }
+}
+
+bool LoopClosureNodelet::inOrder(const ros::Time& stamp) {
+  if (stamp + kJump < last_stamp_) {
+    NODELET_WARN_STREAM("Time jumped back by " << last_stamp_ - stamp << " s: the vocabulary goes on");
+    if (!ros::Time::isSimTime()) tf_buffer_.clear();
+    detector_->breakSequence();
+    key_frames_.reset();
+  } else if (stamp < last_stamp_) {
+    drop(kOutOfOrder, "its stamp is earlier than that of the image before");
+    return false;
+  }
+  last_stamp_ = stamp;
+  return true;
+}
+
+// The latest pose: key frames need no better.
+bool LoopClosureNodelet::poseAt(const std_msgs::Header& header, std::optional<Eigen::Isometry3d>& pose) {
+  if (!key_frames_.options.needsMotion()) return true;
+  try {
+    pose = tf2::transformToEigen(
+        tf_buffer_.lookupTransform(parameters_.fixed_frame, header.frame_id, ros::Time(0)));
+    return true;
+  } catch (const tf2::TransformException& e) {
+    drop(kNoTransform, e.what());
+    return false;
+  }
+}
+
+void LoopClosureNodelet::process(const Frame& frame, const std_msgs::Header& header) {
+  const ros::WallTime start = ros::WallTime::now();
+  ros::WallTime last = start;
+  const Detection detection = detector_->process(frame, [&](Stage stage) {
+    const ros::WallTime now = ros::WallTime::now();
+    activity_.seconds[static_cast<int>(stage)] += (now - last).toSec();
+    last = now;
+  });
+  ++activity_.key_frames;
+  activity_.longest = std::max(activity_.longest, (last - start).toSec());
+  stamps_.push_back(header.stamp);
+  thumbnails_.emplace_back();
+  if (parameters_.debug_image) {
+    cv::Mat grey = frame.image, small;
+    if (grey.depth() != CV_8U) cv::normalize(grey, grey, 0, 255, cv::NORM_MINMAX, CV_8U);
+    const double factor = std::min(1.0, static_cast<double>(kThumbnailWidth) / grey.cols);
+    cv::resize(grey, small, {}, factor, factor, cv::INTER_AREA);
+    cv::imencode(".jpg", small, thumbnails_.back());
+  }
+  if (detection.accepted) publish(*detection.best, header);
+}
+
+void LoopClosureNodelet::publish(const Loop& loop, const std_msgs::Header& header) {
+  ++accepted_;
+  with_transform_ += loop.geometry.pose.has_value();
+  loops_.publish(toEdge(loop, header, stamps_[loop.match], loop.match < loaded_));
+  if (!parameters_.debug_image || debug_images_.getNumSubscribers() == 0 || thumbnails_[loop.match].empty())
+    return;
+  const cv::Mat query = cv::imdecode(thumbnails_[loop.query], cv::IMREAD_GRAYSCALE);
+  const cv::Mat match = cv::imdecode(thumbnails_[loop.match], cv::IMREAD_GRAYSCALE);
+  std::vector<std::pair<cv::Point2f, cv::Point2f>> points;
+  if (parameters_.detector.geometric_check) {
+    const View &q = detector_->view(loop.query), &m = detector_->view(loop.match);
+    for (const Match& pair : loop.geometry.pairs) {
+      points.emplace_back(q.features.points[pair.a] * (static_cast<float>(query.cols) / q.size.width),
+                          m.features.points[pair.b] * (static_cast<float>(match.cols) / m.size.width));
+    }
+  }
+  std::ostringstream caption;
+  caption << loop.match << " and " << loop.query << ", similarity " << loop.similarity;
+  debug_images_.publish(
+      cv_bridge::CvImage(header, "bgr8", drawPair(query, match, points, caption.str())).toImageMsg());
+}
+
+void LoopClosureNodelet::drop(Reason reason, const std::string& why) {
+  ++dropped_[reason];
+  ++activity_.drops;
+  std::ostringstream counts;
+  for (int r = 0; r < kNumReasons; ++r) counts << (r > 0 ? ", " : "") << dropped_[r] << ' ' << kReasons[r];
+  NODELET_WARN_STREAM_THROTTLE(
+      5.0, "Dropped an image (" << kReasons[reason] << "): " << why << ". So far: " << counts.str());
+}
+
+// ------------------------------------------------------------------------------------------------ services
+
+bool LoopClosureNodelet::saveVocabulary(mapping_msgs::SaveMap::Request& request,
+                                        mapping_msgs::SaveMap::Response& response) {
+  try {
+    requireAbsolute(request.path);
+    detector_->save(request.path);
+    response.success = true;
+    response.message = "Wrote " + std::to_string(detector_->vocabulary().size()) + " words of " +
+                       std::to_string(detector_->images()) + " images to " + request.path;
+  } catch (const std::exception& e) {
+    response.message = e.what();
+  }
+  return true;
+}
+
+bool LoopClosureNodelet::loadVocabulary(mapping_msgs::LoadMap::Request& request,
+                                        mapping_msgs::LoadMap::Response& response) {
+  try {
+    requireAbsolute(request.path);
+    response.message = load(request.path);
+    response.success = true;
+  } catch (const std::exception& e) {
+    response.message = e.what();
+  }
+  return true;
+}
+
+std::string LoopClosureNodelet::load(const std::string& path) {
+  detector_->load(path);
+  loaded_ = detector_->images();
+  stamps_.assign(loaded_, ros::Time());
+  thumbnails_.assign(loaded_, {});
+  key_frames_.reset();
+  return "Read " + std::to_string(detector_->vocabulary().size()) + " words of " + std::to_string(loaded_) +
+         " images from " + path + ". Its delta and index replace those of the parameters";
+}
+
+bool LoopClosureNodelet::reset(std_srvs::Empty::Request&, std_srvs::Empty::Response&) {
+  detector_ = std::make_unique<LoopDetector>(parameters_.detector);
+  stamps_.clear();
+  thumbnails_.clear();
+  loaded_ = 0;
+  key_frames_.reset();
+  return true;
+}
+
+// ------------------------------------------------------------------------------------------- while it runs
+
+void LoopClosureNodelet::reconfigure(LoopClosureConfig& config, std::uint32_t) {
+  KeyFrameOptions& options = key_frames_.options;
+  options.min_interval = config.min_interval;
+  options.min_distance = config.min_distance;
+  options.min_angle = config.min_angle;
+  options.min_difference = config.min_difference;
+}
+
+void LoopClosureNodelet::diagnose() {
+  diagnostics_->force_update();
+  last_diagnostics_ = ros::WallTime::now();
+  activity_ = {};
+}
+
+void LoopClosureNodelet::diagnoseInput(diagnostic_updater::DiagnosticStatusWrapper& status) {
+  using diagnostic_msgs::DiagnosticStatus;
+  const double seconds = std::max(1e-3, (ros::WallTime::now() - last_diagnostics_).toSec());
+  if (activity_.drops > 0) {
+    status.summaryf(DiagnosticStatus::WARN, "%zu images dropped", activity_.drops);
+  } else {
+    status.summary(DiagnosticStatus::OK, activity_.images > 0 ? "Images" : "No input");
+  }
+  status.addf("Images (Hz)", "%.1f", static_cast<double>(activity_.images) / seconds);
+  status.addf("Key frames (Hz)", "%.1f", static_cast<double>(activity_.key_frames) / seconds);
+  for (int r = 0; r < kNumReasons; ++r) status.add(std::string("Dropped: ") + kReasons[r], dropped_[r]);
+  status.add("Camera calibrated", camera_.has_value());
+}
+
+void LoopClosureNodelet::diagnoseLoops(diagnostic_updater::DiagnosticStatusWrapper& status) {
+  status.summaryf(diagnostic_msgs::DiagnosticStatus::OK, "%zu loops", accepted_);
+  status.add("Key frames", detector_->images());
+  status.add("Words", detector_->vocabulary().size());
+  status.add("Loops", accepted_);
+  status.add("Loops with a transform", with_transform_);
+  const double count = std::max<std::size_t>(1, activity_.key_frames);
+  for (int s = 0; s < kStages; ++s) {
+    status.addf(std::string(stageName(static_cast<Stage>(s))) + ", mean (ms)", "%.2f",
+                1e3 * activity_.seconds[s] / count);
+  }
+  status.addf("Longest (ms)", "%.2f", 1e3 * activity_.longest);
+}
+
+}  // namespace ibuild_loop_closure
+
+PLUGINLIB_EXPORT_CLASS(ibuild_loop_closure::LoopClosureNodelet, nodelet::Nodelet)

@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "ibuild_loop_closure/ros/conversions.h"
+
+#include <cv_bridge/cv_bridge.h>
+#include <sensor_msgs/image_encodings.h>
+#include <tf2_eigen/tf2_eigen.h>
+
+#include <stdexcept>
+#include <string>
+
+namespace ibuild_loop_closure {
+namespace {
+
+namespace encodings = sensor_msgs::image_encodings;
+
+void requireWhole(const sensor_msgs::Image& message) {
+  const auto size = std::to_string(message.width) + " x " + std::to_string(message.height);
+  if (message.width == 0 || message.height == 0)
+    throw std::invalid_argument("the image is empty (" + size + ")");
+  if (message.data.size() < static_cast<std::size_t>(message.step) * message.height)
+    throw std::invalid_argument("the image of " + size + " has only " + std::to_string(message.data.size()) +
+                                " bytes");
+}
+
+}  // namespace
+
+cv::Mat toImage(const sensor_msgs::Image& message) {
+  requireWhole(message);
+  try {
+    if (encodings::bitDepth(message.encoding) != 16)
+      return cv_bridge::toCvCopy(message, encodings::MONO8)->image;
+    return cv_bridge::toCvCopy(message, encodings::MONO16)->image;  // scaled by FeatureExtractor::prepare
+  } catch (const std::exception& e) {                               // cv_bridge, OpenCV, image_encodings
+    throw std::invalid_argument("the image of encoding '" + message.encoding +
+                                "' can't be converted: " + e.what());
+  }
+}
+
+cv::Mat toImage(const sensor_msgs::CompressedImage& message) {
+  cv::Mat image;
+  try {
+    image = cv_bridge::toCvCopy(message, encodings::MONO8)->image;
+  } catch (const std::exception& e) {
+    throw std::invalid_argument("the compressed image of format '" + message.format +
+                                "' can't be unpacked: " + e.what());
+  }
+  if (image.empty())
+    throw std::invalid_argument("the compressed image of format '" + message.format + "' can't be unpacked");
+  return image;
+}
+
+cv::Mat toDepth(const sensor_msgs::Image& message) {
+  requireWhole(message);
+  if (message.encoding != encodings::TYPE_16UC1 && message.encoding != encodings::MONO16 &&
+      message.encoding != encodings::TYPE_32FC1) {
+    throw std::invalid_argument("the depth image's encoding is '" + message.encoding +
+                                "', allowed is 16UC1 (mm), 32FC1 (m)");
+  }
+  try {
+    return cv_bridge::toCvCopy(message)->image;
+  } catch (const std::exception& e) {
+    throw std::invalid_argument(std::string("the depth image can't be converted: ") + e.what());
+  }
+}
+
+std::optional<Camera> toCamera(const sensor_msgs::CameraInfo& message) {
+  const auto& p = message.P;
+  if (!(p[0] > 0.0 && p[5] > 0.0)) return {};
+  return Camera{p[0], p[5], p[2], p[6]};
+}
+
+mapping_msgs::EdgeConstraint toEdge(const Loop& loop, const std_msgs::Header& to_header,
+                                    const ros::Time& from_stamp, bool other_run) {
+  mapping_msgs::EdgeConstraint edge;
+  edge.header = to_header;
+  edge.to_stamp = to_header.stamp;
+  edge.from_stamp = from_stamp;
+  edge.to_id = static_cast<std::uint32_t>(loop.query);
+  edge.from_id = static_cast<std::uint32_t>(loop.match);
+  edge.frame_id = to_header.frame_id;
+  edge.type = other_run ? mapping_msgs::EdgeConstraint::PLACE : mapping_msgs::EdgeConstraint::LOOP_CLOSURE;
+  edge.similarity = static_cast<float>(loop.similarity);
+  edge.transform.orientation.w = 1.0;
+  if (loop.geometry.pose) {
+    edge.has_transform = true;
+    edge.transform = tf2::toMsg(loop.geometry.pose->transform);
+    for (int i = 0; i < 36; ++i) edge.information[i] = loop.geometry.pose->information(i / 6, i % 6);
+  }
+  return edge;
+}
+
+}  // namespace ibuild_loop_closure

@@ -1,0 +1,148 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// loop_closure_images as a user runs it: on rendered images, in a bag, and on recorded images.
+#include <cv_bridge/cv_bridge.h>
+#include <gtest/gtest.h>
+#include <mapping_common/files.h>
+#include <mapping_common/testing/recordings.h>
+#include <mapping_common/testing/temp_dir.h>
+#include <rosbag/bag.h>
+#include <sensor_msgs/Image.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <opencv2/imgcodecs.hpp>
+#include <sstream>
+#include <vector>
+
+#include "test_images.h"
+
+namespace ibuild_loop_closure {
+namespace {
+
+constexpr int kWalk = 24;
+
+struct Loop {
+  int query, match;
+};
+
+class LoopClosureImages : public ::testing::Test {
+ protected:
+  std::string folder(const std::string& name, int offset) const {
+    std::filesystem::create_directory(dir_.path(name));
+    for (int i = 0; i < kWalk; ++i) {
+      cv::imwrite(dir_.path(name + "/image" + std::to_string(i) + ".png"), renderWalk(i, offset));
+    }
+    return dir_.path(name);
+  }
+  // What it printed.
+  std::string run(const std::string& arguments, int expected = 0) const {
+    const std::string command =
+        std::string(LOOP_CLOSURE_IMAGES) + ' ' + arguments + " > " + dir_.path("log") + " 2>&1";
+    const int status = std::system(command.c_str());
+    const std::string log = mapping_common::readFile(dir_.path("log"));
+    EXPECT_EQ(expected, WEXITSTATUS(status)) << log;
+    return log;
+  }
+  std::vector<Loop> loops() const {
+    std::istringstream in(mapping_common::readFile(dir_.path("out/loops.csv")));
+    std::string line;
+    std::getline(in, line);
+    EXPECT_EQ("query,match,similarity", line);
+    std::vector<Loop> loops;
+    while (std::getline(in, line)) {
+      Loop loop{};
+      EXPECT_EQ(2, std::sscanf(line.c_str(), "%d,%d", &loop.query, &loop.match));
+      loops.push_back(loop);
+    }
+    return loops;
+  }
+  void expectTheSecondWalk() const {
+    EXPECT_GE(loops().size(), kWalk / 2u);
+    for (const Loop& loop : loops()) EXPECT_NEAR(loop.query - kWalk, loop.match, 4);
+  }
+  const mapping_common::TempDir dir_;
+  const std::string out_ = " --out " + dir_.path("out");
+};
+
+TEST_F(LoopClosureImages, FindsTheSecondWalkAndWritesAll) {
+  const std::string log = run("--images " + folder("a", 0) + " --images " + folder("b", 3) +
+                              " --walks 4 --deltas 50 --save " + dir_.path("v") + out_);
+  expectTheSecondWalk();
+  EXPECT_NE(std::string::npos, log.find("Precision 100.00 %")) << log;
+  for (const char* name : {"similarity.png", "pairs.png", "precision_recall.png"}) {
+    EXPECT_FALSE(cv::imread(dir_.path(std::string("out/") + name)).empty()) << name;
+  }
+  for (const char* name : {"out/timing.json", "out/timing.md", "out/precision_recall.csv", "v"}) {
+    EXPECT_TRUE(std::filesystem::exists(dir_.path(name))) << name;
+  }
+}
+
+TEST_F(LoopClosureImages, TakesGroundTruthAsIntervalsOrPoses) {
+  const std::string images = "--images " + folder("a", 0) + " --images " + folder("b", 3) + out_;
+  std::ostringstream intervals, poses;
+  for (int i = 0; i < kWalk; ++i) intervals << i + kWalk << ' ' << std::max(0, i - 4) << ' ' << i + 4 << '\n';
+  for (int i = 0; i < 2 * kWalk; ++i) poses << "0 " << i % kWalk << " 0 0 0 0 0 1\n";
+  EXPECT_NE(std::string::npos,
+            run(images + " --ground-truth " + dir_.write("t", intervals.str())).find("Precision 100.00 %"));
+  EXPECT_NE(std::string::npos,
+            run(images + " --gap 10 --max-distance 4.5 --poses " + dir_.write("p", poses.str()))
+                .find("Precision 100.00 %"));
+  EXPECT_FALSE(cv::imread(dir_.path("out/trajectory.png")).empty());
+}
+
+TEST_F(LoopClosureImages, RunsEachMethodAndEstimatesDelta) {
+  const std::string images =
+      "--images " + folder("a", 0) + " --images " + folder("b", 3) + " --walks 4" + out_;
+  for (const char* method : {"thesis", "thesis+grouping", "thesis+geometry"}) {
+    run(images + " --delta auto --method " + method);
+    EXPECT_GE(loops().size(), kWalk / 3u) << method;
+  }
+}
+
+TEST_F(LoopClosureImages, ReadsBags) {
+  {
+    rosbag::Bag bag(dir_.path("a.bag"), rosbag::bagmode::Write);
+    for (int i = 0; i < 2 * kWalk; ++i) {
+      std_msgs::Header header;
+      header.stamp = ros::Time(100.0 + i);
+      const cv_bridge::CvImage image(header, "mono8", renderWalk(i % kWalk, i < kWalk ? 0 : 3));
+      if (i % 2 == 0) bag.write("raw", header.stamp, image.toImageMsg());
+      bag.write("image", header.stamp, image.toCompressedImageMsg());
+    }
+  }
+  run("--bag " + dir_.path("a.bag") + " --image image" + out_);
+  expectTheSecondWalk();
+  run("--bag " + dir_.path("a.bag") + " --image raw" + out_);
+  EXPECT_NE(std::string::npos,
+            run("--bag " + dir_.path("a.bag") + " --image none" + out_, 1).find("topic none"));
+}
+
+TEST_F(LoopClosureImages, LeavesOutWhatItCantRead) {
+  const std::string a = folder("a", 0), b = folder("b", 3);
+  dir_.write("a/image5.png", "no image");
+  const std::string log = run("--images " + a + " --images " + b + out_);
+  EXPECT_NE(std::string::npos, log.find("image5.png can't be read"));
+  expectTheSecondWalk();  // ids are those of the files
+}
+
+TEST_F(LoopClosureImages, SaysWhatIsWrong) {
+  EXPECT_NE(std::string::npos, run("--images /nowhere" + out_, 1).find("no folder /nowhere"));
+  EXPECT_NE(std::string::npos, run(out_, 1).find("--images or --bag"));
+  EXPECT_NE(std::string::npos, run("--images . --method magic" + out_, 1).find("--method is magic"));
+}
+
+TEST_F(LoopClosureImages, GardensPoint) {
+  const std::string data = mapping_common::findRecording("gardens_point");
+  if (data.empty()) GTEST_SKIP() << mapping_common::withoutRecording("gardens_point");
+  run("--images " + data + "/day_left --images " + data + "/day_right --walks 5" + out_);
+  int correct = 0;
+  for (const Loop& loop : loops()) {
+    EXPECT_NEAR(loop.query - 120, loop.match, 5);
+    ++correct;
+  }
+  EXPECT_GE(correct, 96);  // 80 %
+}
+
+}  // namespace
+}  // namespace ibuild_loop_closure

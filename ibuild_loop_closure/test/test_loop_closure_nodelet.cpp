@@ -1,0 +1,226 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// The nodelet on rendered images: a walk through places, twice.
+#include <cv_bridge/cv_bridge.h>
+#include <mapping_common/testing/nodelet_test.h>
+#include <mapping_common/testing/temp_dir.h>
+#include <mapping_msgs/EdgeConstraint.h>
+#include <mapping_msgs/LoadMap.h>
+#include <mapping_msgs/SaveMap.h>
+#include <sensor_msgs/CameraInfo.h>
+#include <sensor_msgs/CompressedImage.h>
+#include <sensor_msgs/Image.h>
+#include <std_srvs/Empty.h>
+
+#include "test_images.h"
+
+namespace ibuild_loop_closure {
+namespace {
+
+using mapping_common::Recorder;
+using mapping_common::spinFor;
+using mapping_common::waitFor;
+using mapping_msgs::EdgeConstraint;
+
+constexpr int kWalk = 24;  // images
+
+class LoopClosure : public mapping_common::NodeletTest {
+ protected:
+  LoopClosure()
+      : mapping_common::NodeletTest("ibuild_loop_closure/LoopClosureNodelet", "loop_closure"),
+        edges_(node_, "loop_closures") {
+    ros::param::del(name_);
+    setParam("key_frames/min_interval", 0.0);
+    setParam("key_frames/min_difference", 0.0);
+    setParam("queue_size", 100);
+  }
+  bool load() {
+    if (!mapping_common::NodeletTest::load()) return false;
+    images_ = node_.advertise<sensor_msgs::Image>("image", 100);
+    compressed_ = node_.advertise<sensor_msgs::CompressedImage>("image/compressed", 100);
+    depths_ = node_.advertise<sensor_msgs::Image>("depth", 100);
+    infos_ = node_.advertise<sensor_msgs::CameraInfo>("camera_info", 1, true);
+    return waitFor([this] {
+      return images_.getNumSubscribers() + compressed_.getNumSubscribers() > 0 &&
+             infos_.getNumSubscribers() > 0;
+    });
+  }
+  cv_bridge::CvImage message(const cv::Mat& image, double stamp, const char* encoding = "mono8") const {
+    std_msgs::Header header;
+    header.stamp = ros::Time(stamp);
+    header.frame_id = "camera";
+    return {header, encoding, image};
+  }
+  void send(const cv::Mat& image, double stamp) { images_.publish(message(image, stamp).toImageMsg()); }
+  // Image i of the walk that goes round after kWalk images, at 100 s + i.
+  void walk(int first, int last) {
+    for (int i = first; i < last; ++i) {
+      send(renderWalk(i % kWalk, i < kWalk ? 0 : 3), 100.0 + i);
+      spinFor(0.01);
+    }
+  }
+  bool waitForKeyFrames(int count) {
+    return waitFor([&] { return diagnostic("Loop closure", "Key frames") == std::to_string(count); }, 30.0);
+  }
+  template <class Service>
+  typename Service::Response callWithPath(const std::string& service, const std::string& path) {
+    Service call;
+    call.request.path = path;
+    EXPECT_TRUE(ros::service::call(name_ + "/" + service, call));
+    EXPECT_FALSE(call.response.message.empty());
+    return call.response;
+  }
+  ros::Publisher images_, compressed_, depths_, infos_;
+  Recorder<EdgeConstraint> edges_;
+};
+
+TEST_F(LoopClosure, PublishesLoops) {
+  ASSERT_TRUE(load());
+  Recorder<sensor_msgs::Image> debug(node_, name_ + "/debug_image");
+  walk(0, 2 * kWalk);
+  ASSERT_TRUE(waitForKeyFrames(2 * kWalk));
+  ASSERT_GE(edges_.messages.size(), kWalk / 2u);
+  for (const EdgeConstraint& edge : edges_.messages) {
+    EXPECT_EQ(EdgeConstraint::LOOP_CLOSURE, edge.type);
+    EXPECT_NEAR(edge.to_id - kWalk, edge.from_id, 4);
+    EXPECT_EQ(ros::Time(100.0 + edge.to_id), edge.to_stamp);
+    EXPECT_EQ(ros::Time(100.0 + edge.from_id), edge.from_stamp);
+    EXPECT_EQ(edge.to_stamp, edge.header.stamp);
+    EXPECT_EQ("camera", edge.frame_id);
+    EXPECT_FALSE(edge.has_transform);
+    EXPECT_GT(edge.similarity, 0.0f);
+    EXPECT_LE(edge.similarity, 1.0f);
+  }
+  EXPECT_TRUE(waitFor([&] { return !debug.messages.empty(); }));
+  EXPECT_EQ(640u, debug.messages[0].width);
+  expectDiagnostic("Input", "Dropped: malformed", "0");
+}
+
+TEST_F(LoopClosure, TakesCompressedImages) {
+  setParam("image_transport", "compressed");
+  ASSERT_TRUE(load());
+  for (int i = 0; i < 2 * kWalk; ++i) {
+    compressed_.publish(message(renderWalk(i % kWalk, i < kWalk ? 0 : 3), 100.0 + i).toCompressedImageMsg());
+    spinFor(0.01);
+  }
+  ASSERT_TRUE(waitForKeyFrames(2 * kWalk));
+  EXPECT_GE(edges_.messages.size(), kWalk / 2u);
+}
+
+TEST_F(LoopClosure, GivesATransformWithDepth) {
+  setParam("use_depth", true);
+  ASSERT_TRUE(load());
+  sensor_msgs::CameraInfo info;
+  info.P[0] = info.P[5] = 300.0;
+  info.P[2] = 160.0;
+  info.P[6] = 120.0;
+  infos_.publish(info);
+  ASSERT_TRUE(waitFor([&] { return diagnostic("Input", "Camera calibrated") == "True"; }));
+  const cv::Mat depth(240, 320, CV_16UC1, cv::Scalar(2000));
+  for (int i = 0; i < 2 * kWalk; ++i) {
+    depths_.publish(message(depth, 100.0 + i, "16UC1").toImageMsg());
+    send(renderWalk(i % kWalk, i < kWalk ? 0 : 3), 100.0 + i);
+    spinFor(0.01);
+  }
+  // The synchronizer keeps the last pair until it sees a later one.
+  ASSERT_TRUE(waitFor([&] { return edges_.messages.size() >= kWalk / 2u; }, 30.0));
+  int with_transform = 0;
+  for (const EdgeConstraint& edge : edges_.messages) {
+    if (!edge.has_transform) continue;
+    ++with_transform;
+    EXPECT_NEAR(0.0, edge.transform.position.z, 0.1);
+    EXPECT_NEAR(1.0, edge.transform.orientation.w, 0.01);
+    EXPECT_GT(edge.information[0], 0.0);
+  }
+  EXPECT_GT(with_transform, kWalk / 4);
+}
+
+TEST_F(LoopClosure, SurvivesBadImages) {
+  ASSERT_TRUE(load());
+  send(renderWalk(0), 100.0);
+  sensor_msgs::Image bad;
+  bad.header.stamp = ros::Time(101.0);
+  images_.publish(bad);  // empty
+  bad = *message(renderWalk(1), 102.0).toImageMsg();
+  bad.data.resize(100);  // truncated
+  images_.publish(bad);
+  bad = *message(renderWalk(1), 103.0).toImageMsg();
+  bad.encoding = "nonsense";
+  images_.publish(bad);
+  expectDiagnostic("Input", "Dropped: malformed", "3");
+  send(renderWalk(1), 104.0);
+  send(renderWalk(2), 103.5);  // late
+  expectDiagnostic("Input", "Dropped: out of order", "1");
+  send(cv::Mat(240, 320, CV_8UC1, cv::Scalar(0)), 105.0);
+  send(renderPlace(0, 0, {200, 100}), 106.0);
+  EXPECT_TRUE(waitForKeyFrames(4));
+}
+
+TEST_F(LoopClosure, SelectsKeyFrames) {
+  setParam("key_frames/min_interval", 0.5);
+  setParam("key_frames/min_difference", 2.0);
+  ASSERT_TRUE(load());
+  send(renderWalk(0), 100.0);
+  send(renderWalk(4), 100.3);  // too early
+  send(renderWalk(0), 101.0);  // the same
+  send(renderWalk(8), 102.0);
+  EXPECT_TRUE(waitForKeyFrames(2));
+}
+
+TEST_F(LoopClosure, WaitsForMotion) {
+  setParam("key_frames/min_distance", 1.0);
+  setParam("fixed_frame", "nowhere");
+  ASSERT_TRUE(load());
+  send(renderWalk(0), 100.0);
+  expectDiagnostic("Input", "Dropped: no transform", "1");
+}
+
+TEST_F(LoopClosure, GoesOnWhenTimeJumpsBack) {
+  ASSERT_TRUE(load());
+  walk(0, kWalk);
+  ASSERT_TRUE(waitForKeyFrames(kWalk));
+  walk(0, kWalk);  // the same recording again
+  ASSERT_TRUE(waitForKeyFrames(2 * kWalk));
+  EXPECT_GE(edges_.messages.size(), kWalk / 2u);
+  expectDiagnostic("Input", "Dropped: out of order", "0");
+}
+
+TEST_F(LoopClosure, SavesLoadsAndResets) {
+  const mapping_common::TempDir dir;
+  ASSERT_TRUE(load());
+  walk(0, kWalk);
+  ASSERT_TRUE(waitForKeyFrames(kWalk));
+  EXPECT_FALSE(callWithPath<mapping_msgs::SaveMap>("save_vocabulary", "relative").success);
+  EXPECT_TRUE(callWithPath<mapping_msgs::SaveMap>("save_vocabulary", dir.path("v")).success);
+  std_srvs::Empty empty;
+  EXPECT_TRUE(ros::service::call(name_ + "/reset", empty));
+  EXPECT_TRUE(waitForKeyFrames(0));
+  dir.write("broken", "nonsense");
+  EXPECT_FALSE(callWithPath<mapping_msgs::LoadMap>("load_vocabulary", dir.path("broken")).success);
+  EXPECT_TRUE(callWithPath<mapping_msgs::LoadMap>("load_vocabulary", dir.path("v")).success);
+  EXPECT_TRUE(waitForKeyFrames(kWalk));
+  walk(kWalk, 2 * kWalk);
+  ASSERT_TRUE(waitForKeyFrames(2 * kWalk));
+  ASSERT_GE(edges_.messages.size(), kWalk / 2u);
+  EXPECT_EQ(EdgeConstraint::PLACE, edges_.messages[0].type);  // of another run
+}
+
+TEST_F(LoopClosure, DoesNotStartWithABadParameter) {
+  setParam("delta", 1000);
+  EXPECT_FALSE(load());
+  ros::param::del(name_ + "/delta");
+  setParam("dleta", 70);
+  EXPECT_FALSE(load());
+  ros::param::del(name_ + "/dleta");
+  EXPECT_TRUE(load());
+}
+
+}  // namespace
+}  // namespace ibuild_loop_closure
+
+int main(int argc, char** argv) {
+  ::testing::InitGoogleTest(&argc, argv);
+  ros::init(argc, argv, "test_loop_closure_nodelet");
+  ros::NodeHandle keep_alive;
+  return RUN_ALL_TESTS();
+}

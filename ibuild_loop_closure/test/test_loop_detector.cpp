@@ -1,0 +1,162 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <stdexcept>
+
+#include "ibuild_loop_closure/loop_detector.h"
+#include "test_images.h"
+
+namespace ibuild_loop_closure {
+namespace {
+
+constexpr int kWalk = 48;  // images
+
+LoopDetectorOptions thesisOptions() {
+  LoopDetectorOptions options = LoopDetectorOptions::thesis();
+  options.min_similarity = 0.05;
+  return options;
+}
+
+struct Count {
+  int accepted = 0, correct = 0;
+};
+
+// The same walk twice, the second displaced by a few pixels.
+Count walkTwice(LoopDetector& detector) {
+  Count count;
+  for (int i = 0; i < 2 * kWalk; ++i) {
+    const Detection d = detector.process({renderWalk(i % kWalk, i < kWalk ? 0 : 4), {}, {}});
+    EXPECT_EQ(i, d.image);
+    EXPECT_EQ(static_cast<std::size_t>(i), d.similarities.size());
+    if (!d.accepted) continue;
+    ++count.accepted;
+    count.correct += i >= kWalk && std::abs(d.best->match - (i - kWalk)) <= 4;
+    EXPECT_GE(d.best->similarity, 0.0);
+    EXPECT_LE(d.best->similarity, 1.0);
+  }
+  return count;
+}
+
+TEST(LoopDetector, FindsTheSecondWalk) {
+  LoopDetector detector;
+  const Count count = walkTwice(detector);
+  EXPECT_EQ(count.accepted, count.correct);
+  EXPECT_GE(count.correct, kWalk - 6);
+}
+
+TEST(LoopDetector, FindsItAsTheThesisDoes) {
+  LoopDetector detector(thesisOptions());
+  const Count count = walkTwice(detector);
+  EXPECT_GE(count.correct, 0.9 * count.accepted);
+  EXPECT_GE(count.correct, kWalk / 2);
+}
+
+TEST(LoopDetector, IsTheSameEachTime) {
+  LoopDetector a, b;
+  for (int i = 0; i < 30; ++i) {
+    const Detection x = a.process({renderWalk(i % 15), {}, {}}), y = b.process({renderWalk(i % 15), {}, {}});
+    EXPECT_EQ(x.similarities, y.similarities);
+    EXPECT_EQ(x.accepted, y.accepted);
+  }
+}
+
+TEST(LoopDetector, AStandingCameraClosesNoLoop) {
+  LoopDetector detector;
+  for (int i = 0; i < 20; ++i) EXPECT_FALSE(detector.process({renderWalk(i), {}, {}}).accepted);
+  for (int i = 0; i < 60; ++i) EXPECT_FALSE(detector.process({renderWalk(20), {}, {}}).accepted) << i;
+  int accepted = 0;
+  for (int i = 0; i < 20; ++i) accepted += detector.process({renderWalk(i, 3), {}, {}}).accepted;
+  EXPECT_GT(accepted, 10);
+}
+
+TEST(LoopDetector, SurvivesBlackAndBlurredImages) {
+  for (const auto& options : {LoopDetectorOptions(), thesisOptions()}) {
+    LoopDetector detector(options);
+    for (int i = 0; i < 12; ++i) detector.process({renderWalk(i), {}, {}});
+    cv::Mat blurred;
+    cv::GaussianBlur(renderWalk(12), blurred, {51, 51}, 20.0);
+    for (const cv::Mat& image :
+         {cv::Mat(240, 320, CV_8UC1, cv::Scalar(0)), blurred, cv::Mat(240, 320, CV_8UC1, cv::Scalar(255))}) {
+      const Detection d = detector.process({image, {}, {}});
+      EXPECT_FALSE(d.accepted);
+      EXPECT_LT(d.features, 20);
+    }
+    EXPECT_EQ(15, detector.images());
+  }
+}
+
+TEST(LoopDetector, TakesImagesOfAnySizeAndDepth) {
+  LoopDetector detector;
+  for (int i = 0; i < 20; ++i) {
+    cv::Mat image = renderPlace(i / 4, i % 4, {200 + 30 * (i % 5), 150 + 20 * (i % 3)});
+    if (i % 3 == 1) cv::cvtColor(image, image, cv::COLOR_GRAY2BGR);
+    if (i % 3 == 2) image.convertTo(image, CV_16U, 100.0);
+    EXPECT_GT(detector.process({image, {}, {}}).features, 50);
+  }
+  for (int size : {1, 2, 7, 15, 40}) {
+    EXPECT_NO_THROW(detector.process({cv::Mat(size, size, CV_8UC1, cv::Scalar(100)), {}, {}}));
+  }
+}
+
+TEST(LoopDetector, RefusesWhatIsNoImageAndChangesNothing) {
+  LoopDetector detector;
+  detector.process({renderWalk(0), {}, {}});
+  EXPECT_THROW(detector.process({cv::Mat(), {}, {}}), std::invalid_argument);
+  EXPECT_THROW(detector.process({cv::Mat(10, 10, CV_32F), {}, {}}), std::invalid_argument);
+  EXPECT_THROW(detector.process({cv::Mat(10, 10, CV_8UC2), {}, {}}), std::invalid_argument);
+  EXPECT_THROW(detector.process({renderWalk(1), cv::Mat(10, 10, CV_16U), {}}), std::invalid_argument);
+  EXPECT_THROW(detector.process({renderWalk(1), cv::Mat(240, 320, CV_8U), {}}), std::invalid_argument);
+  EXPECT_EQ(1, detector.images());
+}
+
+TEST(LoopDetector, GivesThePoseWithDepth) {  // a wall seen head-on: a shift of the image is one of the camera
+  const Camera camera = {300.0, 300.0, 160.0, 120.0};
+  const cv::Mat depth(240, 320, CV_32FC1, cv::Scalar(2.0f));
+  LoopDetector detector;
+  int with_pose = 0;
+  for (int i = 0; i < 2 * kWalk; ++i) {
+    const Detection d = detector.process({renderWalk(i % kWalk, i < kWalk ? 0 : 4), depth, camera});
+    if (!d.accepted || !d.best->geometry.pose) continue;
+    ++with_pose;
+    const auto shift = [](int image) { return 6 * (image % 4) + (image >= kWalk ? 4 : 0); };
+    const double expected = 2.0 / 300.0 * (shift(i) - shift(d.best->match));
+    const Eigen::Vector3d t = d.best->geometry.pose->transform.translation();
+    EXPECT_NEAR(expected, t.x(), 0.03);
+    EXPECT_GT(d.best->geometry.pose->information.diagonal().minCoeff(), 0.0);
+  }
+  EXPECT_GT(with_pose, kWalk / 2);
+}
+
+TEST(LoopDetector, ReportsItsStages) {
+  LoopDetector detector;
+  std::vector<Stage> stages;
+  detector.process({renderWalk(0), {}, {}}, [&](Stage s) { stages.push_back(s); });
+  ASSERT_EQ(static_cast<std::size_t>(kStages), stages.size());
+  for (int i = 0; i < kStages; ++i) EXPECT_EQ(i, static_cast<int>(stages[i]));
+}
+
+TEST(LoopDetectorOptions, AreChecked) {
+  LoopDetectorOptions options;
+  options.delta = 600;
+  EXPECT_THROW(LoopDetector{options}, std::invalid_argument);
+  options = {};
+  options.beta = 0;
+  EXPECT_THROW(LoopDetector{options}, std::invalid_argument);
+}
+
+TEST(Delta, IsEstimatedFromConsecutiveImages) {  // 4.7.1
+  const FeatureExtractor extractor;
+  std::vector<std::pair<Features, Features>> pairs;
+  for (int i = 0; i < 8; i += 4)
+    pairs.emplace_back(extractor.extract(renderWalk(i)), extractor.extract(renderWalk(i + 1)));
+  const int delta = estimateDelta(pairs);
+  EXPECT_GE(delta, 30);
+  EXPECT_LE(delta, 160);
+  EXPECT_EQ(0, estimateDelta({}));
+  EXPECT_EQ(0,
+            estimateDelta({{extractor.extract(cv::Mat(240, 320, CV_8UC1, cv::Scalar(0))), pairs[0].first}}));
+}
+
+}  // namespace
+}  // namespace ibuild_loop_closure

@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <gtest/gtest.h>
+#include <mapping_common/files.h>
+#include <mapping_common/testing/temp_dir.h>
+
+#include "ibuild_loop_closure/loop_detector.h"
+#include "ibuild_loop_closure/vocabulary_file.h"
+#include "random_descriptors.h"
+#include "test_images.h"
+
+namespace ibuild_loop_closure {
+namespace {
+
+using mapping_common::errorOf;
+using mapping_common::mentions;
+
+class VocabularyFiles : public ::testing::TestWithParam<IndexType> {
+ protected:
+  VocabularyFiles() {
+    options_.index.type = GetParam();
+    LoopDetector detector(options_);
+    for (int i = 0; i < 16; ++i) detector.process({renderWalk(i), {}, {}});
+    images_ = detector.images();
+    words_ = detector.vocabulary().size();
+    detector.save(path_);
+  }
+  LoopDetectorOptions options_;
+  const mapping_common::TempDir dir_;
+  const std::string path_ = dir_.path("a.vocabulary");
+  int images_ = 0;
+  std::size_t words_ = 0;
+};
+
+TEST_P(VocabularyFiles, AreReadAsTheyWereWritten) {
+  LoopDetector loaded(options_), reference(options_);
+  loaded.load(path_);
+  ASSERT_GT(words_, 100u);
+  EXPECT_EQ(words_, loaded.vocabulary().size());
+  EXPECT_EQ(images_, loaded.images());
+  for (int i = 0; i < 16; ++i) reference.process({renderWalk(i), {}, {}});
+  reference.breakSequence();
+  for (int i = 0; i < 4; ++i) {
+    const cv::Mat image = renderWalk(4 + i, 3);
+    EXPECT_EQ(reference.process({image, {}, {}}).similarities, loaded.process({image, {}, {}}).similarities);
+  }
+}
+
+TEST_P(VocabularyFiles, AreRefusedIfCorruptedAndNothingChanges) {
+  const std::string bytes = mapping_common::readFile(path_);
+  LoopDetector detector(options_);
+  detector.process({renderWalk(0), {}, {}});
+  detector.process({renderWalk(1), {}, {}});
+  const std::size_t words = detector.vocabulary().size();
+  const auto refuses = [&](const std::string& content, const char* why) {
+    const std::string path = dir_.write("broken", content);
+    EXPECT_TRUE(mentions(errorOf([&] { detector.load(path); }), {path.c_str(), why}));
+    EXPECT_EQ(words, detector.vocabulary().size());
+    EXPECT_EQ(2, detector.images());
+  };
+  refuses("", "isn't a vocabulary");
+  refuses("something else altogether", "isn't a vocabulary");
+  refuses(bytes.substr(0, 10), "truncated");
+  for (std::size_t i = 20; i < bytes.size(); i += bytes.size() / 50) {
+    std::string broken = bytes;
+    broken[i] = static_cast<char>(broken[i] ^ 0x10);
+    refuses(broken, "checksum");
+    refuses(bytes.substr(0, i), "truncated");
+  }
+  std::string other_version = bytes;
+  other_version[8] = 9;
+  refuses(other_version, "version 9");
+  EXPECT_TRUE(
+      mentions(errorOf([&] { detector.load(dir_.path("nowhere")); }), {"nowhere", "can't be opened"}));
+}
+
+INSTANTIATE_TEST_SUITE_P(Indices, VocabularyFiles, ::testing::Values(IndexType::kLinear, IndexType::kTree));
+
+TEST(VocabularyFile, WithoutFeaturesIsRefusedByTheGeometricCheck) {
+  const mapping_common::TempDir dir;
+  LoopDetectorOptions without;
+  without.geometric_check = false;
+  LoopDetector detector(without), with;
+  detector.process({renderWalk(0), {}, {}});
+  detector.save(dir.path("v"));
+  EXPECT_TRUE(mentions(errorOf([&] { with.load(dir.path("v")); }), {"geometric check"}));
+}
+
+TEST(VocabularyFile, ThatIsInconsistentIsRefused) {
+  const mapping_common::TempDir dir;
+  const auto words = randomDescriptors(2);
+  const auto refuses = [&](const std::vector<std::vector<int>>& image_words, const char* why) {
+    Vocabulary::Content content;
+    content.index.type = IndexType::kLinear;
+    content.words = words;
+    content.image_words = image_words;
+    EXPECT_TRUE(mentions(errorOf([&] { Vocabulary::restore(content); }), {why}));
+  };
+  refuses({{0, 1, 2}}, "unknown words");
+  refuses({{1, 0}}, "unordered");
+  refuses({{0}}, "no image has");
+}
+
+}  // namespace
+}  // namespace ibuild_loop_closure
