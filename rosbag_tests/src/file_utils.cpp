@@ -4,6 +4,10 @@
 #include <lzma.h>
 
 #include <algorithm>
+#include <boost/iostreams/copy.hpp>
+#include <boost/iostreams/device/back_inserter.hpp>
+#include <boost/iostreams/filter/gzip.hpp>
+#include <boost/iostreams/filtering_stream.hpp>
 #include <cctype>
 #include <cstdlib>
 #include <fstream>
@@ -56,6 +60,22 @@ std::string unpack(const std::string& packed, const std::string& path) {
   return bytes;
 }
 
+std::string gunzip(std::ifstream& file, const std::string& path) {
+  namespace io = boost::iostreams;
+  std::string bytes;
+  try {
+    io::filtering_istream stream;
+    stream.push(io::gzip_decompressor());
+    stream.push(file);
+    stream.exceptions(std::ios::badbit);
+    io::copy(stream, io::back_inserter(bytes));
+  } catch (const std::ios::failure&) {  // gzip_error, and what a stream makes of it
+    fail(path, "not a gzip file, or one that is corrupt or truncated after " + std::to_string(bytes.size()) +
+                   " unpacked bytes");
+  }
+  return bytes;
+}
+
 /// File names whose digits count as numbers: 2 before 10.
 bool naturalLess(const std::string& a, const std::string& b) {
   const auto digit = [](const std::string& s, std::size_t i) {
@@ -86,8 +106,10 @@ bool naturalLess(const std::string& a, const std::string& b) {
 std::string readFileBytes(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
   if (!file.is_open() || std::filesystem::is_directory(path)) fail(path, "can't be read");
+  const std::filesystem::path extension = std::filesystem::path(path).extension();
+  if (extension == ".gz") return gunzip(file, path);
   std::string bytes{std::istreambuf_iterator<char>(file), {}};
-  return std::filesystem::path(path).extension() == ".xz" ? unpack(bytes, path) : bytes;
+  return extension == ".xz" ? unpack(bytes, path) : bytes;
 }
 
 std::vector<std::pair<std::string, std::filesystem::path>> matchingFiles(const std::string& folder,

@@ -15,7 +15,7 @@ namespace rosbag_tests {
 /// Throws std::runtime_error "where: what".
 [[noreturn]] void fail(const std::string& where, const std::string& what);
 
-/// The bytes of a file, unpacked if its name ends in .xz.
+/// The bytes of a file, unpacked if its name ends in .xz or .gz.
 std::string readFileBytes(const std::string& path);
 
 /// The files of a folder whose whole name matches a regular expression, each with what the first group

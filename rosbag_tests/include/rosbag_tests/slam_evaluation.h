@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// How often SLAM loses the map, and how exact it is, over many simulated drives (thesis, section 3.5.2).
+#pragma once
+
+#include <intensity_hector_slam/slam.h>
+#include <rosbag_tests/slam_scenario.h>
+#include <rosbag_tests/trajectory_metrics.h>
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <iosfwd>
+#include <string>
+#include <vector>
+
+namespace rosbag_tests {
+
+/// The map counts as lost from the first scan on whose pose is farther than this from the truth, where both
+/// start at the same pose.
+struct LossCriterion {
+  double distance = 0.5;             ///< m
+  double angle = 10.0 * M_PI / 180;  ///< rad
+};
+
+/// One recording through SLAM with one cost.
+struct SlamRun {
+  std::string scenario;
+  intensity_hector_slam::Cost cost = intensity_hector_slam::Cost::kOccupancy;
+  std::uint64_t seed = 0;
+  double lost_after = std::numeric_limits<double>::infinity();  ///< s from the start; infinite: never lost
+  std::size_t scans = 0, rejected = 0, unobservable = 0, empty = 0;
+  PoseErrors delta;              ///< from scan to scan
+  PoseErrors absolute;           ///< with the trajectories laid over each other (Alignment::kRigid)
+  std::vector<TimedPose> poses;  ///< estimated, in the frame of the truth
+  double seconds_per_scan = 0.0;
+
+  bool lost() const { return std::isfinite(lost_after); }
+};
+
+/// Feeds a recording to SLAM. The map as it is at the end goes to `map`, if given.
+SlamRun runSlam(const SlamRecording& recording, const intensity_hector_slam::SlamOptions& options,
+                const LossCriterion& criterion = LossCriterion(),
+                intensity_hector_slam::MultiMap* map = nullptr);
+
+/// A Markdown table with a row for each scenario and cost: in how many runs the map was lost; of those in
+/// which it wasn't, the mean delta error and the mean and greatest absolute error; of all, the share of scans
+/// that were rejected or not observable, and the time per scan.
+void printTable(std::ostream& out, const std::vector<SlamRun>& runs);
+
+/// An array with one object per run, without its poses.
+std::string runsToJson(const std::vector<SlamRun>& runs);
+
+/// Draws the finest level, north up, cropped to what is known, as a PPM picture: unknown grey, free white,
+/// occupied coloured by reflectivity (hue from blue, dark, to red, bright; black where it isn't known), the
+/// true way green, the estimated one magenta.
+void writeMapPicture(const std::string& file, const intensity_hector_slam::GridMap& map,
+                     const std::vector<TimedPose>& truth, const std::vector<TimedPose>& estimate);
+
+}  // namespace rosbag_tests

@@ -1,0 +1,244 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// The scenarios that SLAM is judged by, and a small version of the evaluation (thesis, section 3.5.2).
+#include <gtest/gtest.h>
+#include <mapping_common/files.h>
+#include <mapping_common/testing/temp_dir.h>
+#include <rosbag_tests/slam_evaluation.h>
+#include <yaml-cpp/yaml.h>
+
+#include <cmath>
+#include <filesystem>
+#include <sstream>
+
+#include "simulator_test_utils.h"
+
+namespace rosbag_tests {
+namespace {
+
+using intensity_hector_slam::Cost;
+using mapping_common::errorOf;
+using mapping_common::mentions;
+using mapping_common::TempDir;
+
+SlamScenario scenario(const std::string& name, double duration) {
+  SlamScenario scenario = loadScenario(configFile("slam_evaluation/" + name + ".yaml"));
+  scenario.duration = duration;
+  return scenario;
+}
+
+SlamRun run(const SlamRecording& recording, Cost cost) {
+  intensity_hector_slam::SlamOptions options;
+  options.matcher.cost = cost;
+  options.guess = intensity_hector_slam::Guess::kConstantVelocity;
+  return runSlam(recording, options);
+}
+
+TEST(RandomDrive, StaysInItsAreaAndWithinItsLimits) {
+  DriveOptions options;
+  options.area = Eigen::AlignedBox2d(Eigen::Vector2d(-3, -1), Eigen::Vector2d(3, 2));
+  options.turn_rate = 0.8;
+  for (std::uint64_t seed = 0; seed < 20; ++seed) {
+    const Trajectory drive = randomDrive(options, 60.0, seed);
+    EXPECT_DOUBLE_EQ(0.0, drive.startTime());
+    EXPECT_GT(drive.endTime(), 60.0);
+    double way = 0.0;
+    for (std::size_t i = 1; i < drive.poses().size(); ++i) {
+      const TimedPose &a = drive.poses()[i - 1], &b = drive.poses()[i];
+      const Eigen::Isometry3d step = a.pose.inverse() * b.pose;
+      const double elapsed = b.time - a.time;
+      way += step.translation().norm();
+      EXPECT_LE(step.translation().norm() / elapsed, options.max_speed + 1e-6);
+      EXPECT_LE(Eigen::AngleAxisd(step.linear()).angle() / elapsed, options.turn_rate + 1e-6);
+      EXPECT_NEAR(0.0, step.translation().y(), 0.02 * options.max_speed * options.turn_rate * elapsed + 1e-9);
+      EXPECT_LT(options.area.exteriorDistance(b.pose.translation().head<2>()), 0.5);
+    }
+    EXPECT_GT(way, 5.0) << "seed " << seed;
+  }
+}
+
+TEST(RandomDrive, SeedDecides) {
+  DriveOptions options;
+  options.area = Eigen::AlignedBox2d(Eigen::Vector2d(-3, -1), Eigen::Vector2d(3, 2));
+  const auto end = [&](std::uint64_t seed) { return randomDrive(options, 10.0, seed).poses().back().pose; };
+  EXPECT_TRUE(end(1).isApprox(end(1), 0.0));
+  EXPECT_FALSE(end(1).isApprox(end(2), 1e-3));
+}
+
+TEST(Scenario, AllThatShipLoad) {
+  int count = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(configFile("slam_evaluation"))) {
+    EXPECT_NO_THROW(loadScenario(entry.path().string())) << entry.path();
+    ++count;
+  }
+  EXPECT_GE(count, 9);
+}
+
+TEST(Scenario, FaultyFilesAreNamed) {
+  TempDir dir;
+  const auto error = [&](const std::string& text) {
+    return errorOf([&] { loadScenario(dir.write("s.yaml", text)); });
+  };
+  const std::string files = "world: " + configFile("worlds/room_8x5.yaml") + "\n";
+  const std::string sensor = "sensor: " + configFile("simulator/hokuyo_utm30lx.yaml") + "\n";
+  EXPECT_EQ("", error(files + sensor + "duration: 3\n"));
+  EXPECT_TRUE(mentions(error(files + sensor + "duration: -1\n"), {"s.yaml", "duration"}));
+  EXPECT_TRUE(mentions(error(files + sensor + "duration: 3\nfault: fire\n"), {"fire", "clutter"}));
+  EXPECT_TRUE(mentions(error(files + sensor + "duration: 3\nspeed: 3\n"), {"speed"}));
+  EXPECT_TRUE(mentions(
+      error(files + sensor + "duration: 3\ndrive: {x: [0, 1], y: [0, 1], speed: [1, 1], min_leg: 5}\n"),
+      {"min_leg"}));
+  EXPECT_TRUE(
+      mentions(error(files + "sensor: " + configFile("simulator/velodyne_vlp16.yaml") + "\nduration: 3\n"),
+               {"planar"}));
+}
+
+TEST(Recording, PointsLieOnTheWalls) {
+  const SlamRecording recording = record(scenario("room", 0.5), 3);
+  ASSERT_EQ(recording.scans.size(), recording.truth.size());
+  ASSERT_GE(recording.scans.size(), 19u);
+  for (std::size_t k = 0; k < recording.scans.size(); ++k) {
+    const auto& scan = recording.scans[k];
+    EXPECT_DOUBLE_EQ(scan.stamp, recording.truth[k].time);
+    ASSERT_GT(scan.points.size(), 400u);
+    for (std::size_t i = 0; i < scan.points.size(); ++i) {
+      const Eigen::Vector3d point =
+          recording.truth[k].pose * Eigen::Vector3d(scan.points[i].x(), scan.points[i].y(), 0.0);
+      const double off = std::min(4.25 - std::abs(point.x()), 2.75 - std::abs(point.y()));
+      EXPECT_NEAR(0.0, off, 0.15);
+    }
+  }
+}
+
+TEST(Recording, ReflectivitiesAreTheWalls) {
+  const SlamRecording recording = record(scenario("room", 0.2), 4);
+  std::size_t known = 0, all = 0, plausible = 0;
+  for (const auto& scan : recording.scans) {
+    all += scan.reflectivities.size();
+    for (const float reflectivity : scan.reflectivities) {
+      known += std::isfinite(reflectivity);
+      plausible += reflectivity > 0.02f && reflectivity < 1.1f;
+    }
+  }
+  EXPECT_GT(known, 0.8 * all);
+  EXPECT_GT(plausible, 0.98 * known);
+}
+
+TEST(Recording, ClutterHidesItsShare) {
+  for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+    const SlamRecording recording = record(scenario("room_clutter", 2.0), seed);
+    const double share = static_cast<double>(recording.hidden) / recording.beams;
+    EXPECT_NEAR(0.3, share, 0.1) << "seed " << seed;
+  }
+  EXPECT_EQ(0u, record(scenario("room", 0.1), 1).hidden);
+}
+
+TEST(Recording, Faults) {
+  const SlamRecording whole = record(scenario("room", 4.0), 5);
+  const auto faulty = [&](Fault fault) {
+    SlamScenario s = scenario("room", 4.0);
+    s.fault = fault;
+    return record(s, 5);
+  };
+  const std::size_t half = whole.scans.size() / 2;
+  const auto step = [&](const SlamRecording& r, std::size_t i) {
+    return r.scans[i].stamp - r.scans[i - 1].stamp;
+  };
+  EXPECT_NEAR(10.025, step(faulty(Fault::kPause), half), 1e-9);
+  EXPECT_NEAR(-29.975, step(faulty(Fault::kBackInTime), half), 1e-9);
+  const SlamRecording empty = faulty(Fault::kEmpty), silent = faulty(Fault::kSilence);
+  EXPECT_TRUE(empty.scans[half].points.empty());
+  EXPECT_TRUE(empty.scans[half + 39].points.empty());
+  EXPECT_FALSE(empty.scans[half + 40].points.empty());
+  EXPECT_LT(silent.scans.size(), whole.scans.size());
+  EXPECT_EQ(silent.scans.size(), silent.truth.size());
+  EXPECT_EQ(Fault::kSilence, parseFault("silence"));
+  EXPECT_THROW(parseFault("fire"), std::invalid_argument);
+}
+
+TEST(Evaluation, LossIsNoticed) {
+  // Truth that the scans don't have: from 1 s on, a metre aside.
+  SlamRecording recording = record(scenario("room", 2.0), 1);
+  for (TimedPose& timed : recording.truth)
+    if (timed.time >= 1.0) timed.pose.pretranslate(Eigen::Vector3d(1.0, 0.0, 0.0));
+  const SlamRun result = run(recording, Cost::kCombined);
+  EXPECT_NEAR(1.0, result.lost_after, 1e-6);
+  EXPECT_NEAR(1.0, result.delta.translation().max, 0.05);
+}
+
+TEST(Evaluation, TableAndJson) {
+  std::vector<SlamRun> runs{run(record(scenario("room", 0.5), 1), Cost::kCombined)};
+  runs[0].scenario = "room";
+  runs.push_back(runs[0]);
+  runs[1].lost_after = 0.25;
+  std::ostringstream table;
+  printTable(table, runs);
+  EXPECT_TRUE(mentions(table.str(), {"| room | combined | 1 of 2 |"}));
+  const YAML::Node json = YAML::Load(runsToJson(runs));
+  ASSERT_EQ(2u, json.size());
+  EXPECT_TRUE(json[0]["lost_after_s"].IsNull());
+  EXPECT_DOUBLE_EQ(0.25, json[1]["lost_after_s"].as<double>());
+}
+
+TEST(Evaluation, MapPicture) {
+  TempDir dir;
+  const SlamRecording recording = record(scenario("room", 0.2), 1);
+  intensity_hector_slam::MultiMap map;
+  const SlamRun result = runSlam(recording, {}, {}, &map);
+  writeMapPicture(dir.path("m.ppm"), map.level(0), recording.truth, result.poses);
+  const std::string picture = mapping_common::readFile(dir.path("m.ppm"));
+  int width = 0, height = 0;
+  ASSERT_EQ(2, std::sscanf(picture.c_str(), "P6\n%d %d\n255\n", &width, &height));
+  const std::size_t header = picture.find("255\n") + 4;
+  EXPECT_EQ(3u * width * height, picture.size() - header);
+  writeMapPicture(dir.path("empty.ppm"), intensity_hector_slam::MultiMap().level(0), {}, {});
+  EXPECT_EQ("P6\n1 1\n255\n", mapping_common::readFile(dir.path("empty.ppm")).substr(0, 11));
+}
+
+// The thesis's case (Fig. 3.6). With all seeds: evaluate_slam config/slam_evaluation/room.yaml --seeds 100.
+TEST(Evaluation, ReflectivityKeepsTheMapOfTheRoom) {
+  int lost_by_occupancy = 0;
+  for (const std::uint64_t seed : {8, 10, 13}) {
+    const SlamRecording recording = record(scenario("room", 12.0), seed);
+    lost_by_occupancy += run(recording, Cost::kOccupancy).lost();
+    for (const Cost cost : {Cost::kReflectivity, Cost::kCombined}) {
+      const SlamRun result = run(recording, cost);
+      EXPECT_FALSE(result.lost()) << toString(cost) << ", seed " << seed << ", after " << result.lost_after
+                                  << " s";
+      EXPECT_LT(result.delta.translation().mean, 0.005);
+      EXPECT_LT(result.delta.rotation().mean, 0.1 * M_PI / 180.0);
+    }
+  }
+  EXPECT_GE(lost_by_occupancy, 2);
+}
+
+// Fig. 3.1.
+TEST(Evaluation, ReflectivityTellsWhereAlongTheCorridor) {
+  const SlamRecording recording = record(scenario("corridor_textured", 8.0), 1);
+  EXPECT_TRUE(run(recording, Cost::kOccupancy).lost());
+  EXPECT_FALSE(run(recording, Cost::kReflectivity).lost());
+  EXPECT_FALSE(run(recording, Cost::kCombined).lost());
+}
+
+// Fig. 3.7: at most 5 mm and 0.1 degrees per scan.
+TEST(Evaluation, LaboratoryAgainstTheTruth) {
+  const SlamRun result = run(record(scenario("laboratory", 6.0), 1), Cost::kCombined);
+  EXPECT_FALSE(result.lost());
+  EXPECT_LT(result.delta.translation().mean, 0.005);
+  EXPECT_LT(result.delta.rotation().mean, 0.1 * M_PI / 180.0);
+}
+
+TEST(Evaluation, FaultsDoNotBreakTheMap) {
+  for (const char* name : {"room_clutter", "room_pause", "room_silence", "room_back_in_time", "room_empty"}) {
+    const SlamRun result = run(record(scenario(name, 8.0), 2), Cost::kCombined);
+    EXPECT_FALSE(result.lost()) << name << ", after " << result.lost_after << " s";
+  }
+}
+
+}  // namespace
+}  // namespace rosbag_tests
+
+int main(int argc, char** argv) {
+  testing::InitGoogleTest(&argc, argv);
+  return RUN_ALL_TESTS();
+}
