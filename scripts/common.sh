@@ -10,14 +10,17 @@ export LC_ALL=C.UTF-8 DEBIAN_FRONTEND=noninteractive
 packages_build=(
   build-essential catkin cmake
   ros-core-dev libdiagnostic-updater-dev libdynamic-reconfigure-config-init-mutex-dev libmap-msgs-dev libnav-msgs-dev
-  libnodelet-dev libnodeletlib-dev pluginlib-dev librosbag-dev libtf2-dev libtf2-eigen-dev libtf2-msgs-dev libtf2-ros-dev
+  libcv-bridge-dev libimage-transport-dev libnodelet-dev libnodeletlib-dev pluginlib-dev librosbag-dev libtf2-dev
+  libtf2-eigen-dev libtf2-msgs-dev libtf2-ros-dev
   libvisualization-msgs-dev python3-dynamic-reconfigure
-  libboost-program-options-dev libeigen3-dev libgtest-dev liblzma-dev liboctomap-dev libpcl-dev libyaml-cpp-dev
+  libboost-iostreams-dev libboost-program-options-dev libeigen3-dev libgtest-dev liblzma-dev liboctomap-dev libopencv-dev
+  libpcl-dev libqhull-dev libtinyxml2-dev libyaml-cpp-dev
   python3-rostest
 )
-packages_run=(libnodeletlib-tools python3-rosbag python3-roslaunch python3-rosservice rosbash)
+packages_run=(libnodeletlib-tools python3-rosbag python3-roslaunch python3-rosservice python3-rostopic rosbash xz-utils)
 packages_pictures=(rviz xvfb imagemagick)
-packages_plots=(python3-matplotlib)
+packages_plots=(python3-matplotlib python3-yaml)
+packages_fuzz=(clang-14 libclang-rt-14-dev libeigen3-dev libtinyxml2-dev make)
 
 say() { printf '\n== %s\n' "$*" >&2; }
 
