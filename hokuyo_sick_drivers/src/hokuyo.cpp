@@ -329,7 +329,7 @@ void Hokuyo::failed(const std::string& why, Nanoseconds now) {
     case Step::kEnterTime:
     case Step::kTime:
       say(Level::kWarning, "The device doesn't tell its time: " + why);
-      clock_.restart(geometry_->timeOf(request_.last));
+      clock_.restart(geometry_->period() * (request_.skip + 1), geometry_->timeOf(request_.last));
       return enter(Step::kLeaveTime, now);
     default:
       return giveUp(why, now);

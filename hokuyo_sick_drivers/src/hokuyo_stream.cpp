@@ -34,8 +34,8 @@ void Hokuyo::prepareMeasuring(Nanoseconds now) {
   }
   scan_ = describeScan(request_, *geometry_);
   counter_.restart();
-  clock_.restart(geometry_->timeOf(request_.last));  // no ray leaves before it is measured
-  smoother_.restart(geometry_->period() * (request_.skip + 1));
+  clock_.restart(geometry_->period() * (request_.skip + 1),
+                 geometry_->timeOf(request_.last));  // no ray leaves before it is measured
   last_stamp_.reset();
   probes_ = bad_scans_ = 0;
   ++futile_starts_;
@@ -133,9 +133,7 @@ bool Hokuyo::takeStamp(std::string_view line, Nanoseconds arrival, HokuyoScan& s
     if (intervals > 1) count(HokuyoFault::kLostScan, static_cast<std::uint64_t>(intervals - 1));
   }
   last_stamp_ = stamp;
-  const Nanoseconds time = smoother_.smooth(stamp);
-  clock_.addArrival(time, arrival);
-  scan.stamp = clock_.toHost(time) + geometry_->timeOf(request_.step(0));
+  scan.stamp = clock_.addScan(stamp, arrival) + geometry_->timeOf(request_.step(0));
   latency_ = arrival - scan.stamp;
   return true;
 }

@@ -80,7 +80,6 @@ double ScanFormat::period() const {
 
 MirrorClock::MirrorClock() {
   DeviceClock::Options options;
-  options.resolution = 0;
   options.max_drift = 0.02;  // a motor, not a quartz
   options.max_slew = 0.005;
   options.window = kWindow;

@@ -10,7 +10,8 @@
 
 namespace hokuyo_sick_drivers {
 
-/// Does what Connection does on a real port. Time of the device and of the driver is the same, from `start` on.
+/// Does what Connection does on a real port. Time of the device and of the driver is the same, from `start`
+/// on.
 class DeviceLink {
  public:
   DeviceLink(Protocol& driver, device_emulators::Device& device, int baud_rate, Nanoseconds start = kSecond)

@@ -69,9 +69,9 @@ class Comparison {
   }
 
   std::size_t equal_or_wrong = 0;
-  std::size_t wrong = 0;     ///< other values than were sent
-  std::size_t invented = 0;  ///< nothing was sent then
-  std::size_t lost = 0;      ///< sent undamaged, never received
+  std::size_t wrong = 0;             ///< other values than were sent
+  std::size_t invented = 0;          ///< nothing was sent then
+  std::size_t lost = 0;              ///< sent undamaged, never received
   std::vector<double> stamp_errors;  ///< ms
 
  private:
@@ -95,7 +95,8 @@ inline float expectedRange(std::uint32_t code) {
 inline ExpectedScan expectedHokuyo(const device_emulators::SentScan& sent) {
   constexpr Nanoseconds kTurn = 25 * kMillisecond;
   ExpectedScan scan;
-  scan.stamp = sent.start + static_cast<Nanoseconds>((sent.first_step + 0.5 * (sent.cluster - 1)) / 1440 * kTurn);
+  scan.stamp =
+      sent.start + static_cast<Nanoseconds>((sent.first_step + 0.5 * (sent.cluster - 1)) / 1440 * kTurn);
   for (const std::uint32_t code : sent.ranges) scan.ranges.push_back(expectedRange(code));
   for (const std::uint32_t value : sent.intensities) scan.intensities.push_back(static_cast<float>(value));
   scan.damaged = !sent.fault.empty();

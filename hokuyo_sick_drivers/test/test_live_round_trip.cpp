@@ -162,9 +162,10 @@ class LiveRoundTrip : public testing::Test {
     std::vector<double> errors = comparison.stamp_errors;
     for (double& e : errors) e = std::abs(e);
     std::sort(errors.begin(), errors.end());
-    std::printf("%s: %zu scans, %.2f Hz, %.1f %% of a core, stamps within %.3f ms (99 %%: %.3f, median %.3f)\n",
-                test_.c_str(), scans_.size(), rate_, 100.0 * cpu_, errors.back(),
-                errors[errors.size() * 99 / 100], errors[errors.size() / 2]);
+    std::printf(
+        "%s: %zu scans, %.2f Hz, %.1f %% of a core, stamps within %.3f ms (99 %%: %.3f, median %.3f)\n",
+        test_.c_str(), scans_.size(), rate_, 100.0 * cpu_, errors.back(), errors[errors.size() * 99 / 100],
+        errors[errors.size() / 2]);
     // A machine with other work may put a thread aside for longer than the jitter that there is.
     EXPECT_LT(errors[errors.size() / 2], 1.0);
   }
@@ -176,9 +177,19 @@ class LiveRoundTrip : public testing::Test {
 
   /// A Hokuyo over TCP that sees what is in a bag, or a room.
   void hokuyo(int port, std::vector<std::string> source) {
-    std::vector<std::string> arguments{HOKUYO_EMULATOR, "--tcp", std::to_string(port), "--model", "UTM-30LX-EW",
-                                       "--truth", dir_.path("truth.csv"), "--jitter-ms", "5", "--drift-ppm", "100",
-                                       "--start-ms", "16774000"};
+    std::vector<std::string> arguments{HOKUYO_EMULATOR,
+                                       "--tcp",
+                                       std::to_string(port),
+                                       "--model",
+                                       "UTM-30LX-EW",
+                                       "--truth",
+                                       dir_.path("truth.csv"),
+                                       "--jitter-ms",
+                                       "5",
+                                       "--drift-ppm",
+                                       "100",
+                                       "--start-ms",
+                                       "16774000"};
     arguments.insert(arguments.end(), source.begin(), source.end());
     Program emulator(arguments);
     setParam("ip_address", "127.0.0.1");

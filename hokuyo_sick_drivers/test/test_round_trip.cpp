@@ -225,7 +225,8 @@ TEST(SickRoundTrip, IntensitiesOf181ValuesAtEitherRate) {
       SickRoundTrip trip(options, lms, kTurn);
       trip.run(kMinutes * 60 * kSecond);
       EXPECT_EQ(1u, trip.device.configurationWrites());
-      EXPECT_GT(trip.comparison.equal_or_wrong, static_cast<std::size_t>(kMinutes) * (baud_rate > 38400 ? 1800 : 250));
+      EXPECT_GT(trip.comparison.equal_or_wrong,
+                static_cast<std::size_t>(kMinutes) * (baud_rate > 38400 ? 1800 : 250));
       EXPECT_EQ(0u, trip.comparison.wrong);
       EXPECT_EQ(0u, trip.comparison.invented);
       EXPECT_EQ(0u, trip.comparison.lost);
@@ -251,9 +252,9 @@ TEST(SickRoundTrip, RangesOfEveryVariant) {
 }
 
 TEST(SickRoundTrip, FaultsOfEveryKind) {
-  for (const Fault fault : {Fault::kBytesLost, Fault::kBitsFlipped, Fault::kCut, Fault::kGarbage, Fault::kSilence,
-                            Fault::kStall, Fault::kDisconnect, Fault::kReboot, Fault::kWrongSum, Fault::kNak,
-                            Fault::kCountMismatch}) {
+  for (const Fault fault :
+       {Fault::kBytesLost, Fault::kBitsFlipped, Fault::kCut, Fault::kGarbage, Fault::kSilence, Fault::kStall,
+        Fault::kDisconnect, Fault::kReboot, Fault::kWrongSum, Fault::kNak, Fault::kCountMismatch}) {
     SCOPED_TRACE(device_emulators::faultName(fault));
     auto options = sick();
     options.faults.rate(fault) = rateOf(fault);

@@ -154,8 +154,7 @@ class Hokuyo : public Protocol {
   HokuyoScan scan_;
 
   CounterUnwrapper counter_{24};
-  StampSmoother smoother_;
-  DeviceClock clock_;
+  ScanClock clock_;
   std::optional<Nanoseconds> last_stamp_;  // of a scan, by the device
   Nanoseconds latency_ = 0;
 
