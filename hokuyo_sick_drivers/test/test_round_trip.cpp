@@ -3,6 +3,7 @@
 // Drivers against the emulated devices, in virtual time. ROUND_TRIP_MINUTES and TEST_SEED make a soak of it.
 #include <gtest/gtest.h>
 
+#include <cstdio>
 #include <memory>
 #include <vector>
 
@@ -136,12 +137,22 @@ TEST(HokuyoRoundTrip, FaultsOfEveryKind) {
   }
 }
 
+template <class Trip>
+void printCounts(const Trip& trip) {
+  std::printf("%zu scans, %zu wrong, %zu invented; injected:", trip.comparison.equal_or_wrong,
+              trip.comparison.wrong, trip.comparison.invented);
+  for (const Fault fault : device_emulators::allFaults())
+    std::printf(" %s %zu", device_emulators::faultName(fault), trip.device.faults().count(fault));
+  std::printf("\n");
+}
+
 TEST(HokuyoRoundTrip, AllFaultsAtOnce) {
   auto options = hokuyo("UTM-30LX-EW");
   setAllFaults(options.faults);
   options.boot_delay = kSecond;
   HokuyoRoundTrip trip(options, HokuyoSettings());
   trip.run(5 * kMinutes * 60 * kSecond);
+  printCounts(trip);
   for (const Fault fault : device_emulators::allFaults()) {
     const bool is_sick = fault == Fault::kNak || fault == Fault::kCountMismatch;
     EXPECT_EQ(is_sick, trip.device.faults().count(fault) == 0) << device_emulators::faultName(fault);
@@ -283,6 +294,7 @@ TEST(SickRoundTrip, AllFaultsAtOnce) {
   lms.real_time_index = true;
   SickRoundTrip trip(options, lms, kTurn);
   trip.run(5 * kMinutes * 60 * kSecond);
+  printCounts(trip);
   for (const Fault fault : device_emulators::allFaults()) {
     const bool is_hokuyo = fault == Fault::kUnstable || fault == Fault::kErrorStatus;
     EXPECT_EQ(is_hokuyo, trip.device.faults().count(fault) == 0) << device_emulators::faultName(fault);
