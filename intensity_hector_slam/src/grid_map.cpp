@@ -90,10 +90,12 @@ void GridMap::clearBeam(const Eigen::Vector2i& from, const Eigen::Vector2i& to, 
     std::swap(major, minor);
     std::swap(length, rise);
   }
+  const double unsure = options.clear_margin / resolution_ * length / std::max(1.0, std::hypot(dx, dy));
+  const int sure = length - std::min<double>(length, std::ceil(unsure));
   std::size_t cell = index(from.x(), from.y());
   int error = length / 2;
   for (int i = 0; i < length; ++i) {
-    if (marks_[cell] < mark_ - 1) {
+    if (marks_[cell] < mark_ - 1 && (i < sure || !isKnown(cells_[cell]))) {
       marks_[cell] = mark_ - 1;
       float& occupancy = cells_[cell].occupancy;
       if (occupancy > min_probability) {

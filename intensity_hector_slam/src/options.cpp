@@ -48,6 +48,7 @@ void MapOptions::validate() const {
   require("map_start_y", start_y, 0.0, 1.0);
   require("update_factor_free", update_factor_free, 0.001, 0.499);
   require("update_factor_occupied", update_factor_occupied, 0.501, 0.999);
+  require("clear_margin", clear_margin, 0.0, 1e3);
   require("min_probability", min_probability, 0.0001, 0.499);
   require("max_probability", max_probability, 0.501, 0.9999);
   require("max_count", max_count, 1, 65535);
@@ -75,6 +76,8 @@ void MatcherOptions::validate() const {
   require("unobservable_distance", unobservable_distance, 1e-3, 1e6);
   require("unobservable_angle", unobservable_angle, 1e-3, 1e3);
   require("search_gap", search_gap, 0.0, 1e9);
+  require("search_motion_distance", search_motion_distance, 0.0, 1e9);
+  require("search_motion_angle", search_motion_angle, 0.0, 1e9);
   require("search_distance", search_distance, 0.0, 100.0);
   require("search_angle", search_angle, 0.0, M_PI);
   require("search_points", search_points, 1, 1e6);

@@ -70,9 +70,7 @@ SlamResult Slam::process(const Scan& scan, const std::optional<Pose>& odometry) 
     result.pose = result.guess;
     result.covariance = unknownCovariance();
   } else {
-    const bool unsure =
-        !last_match_ || result.gap > 0.0 || result.time_jumped_back ||
-        (!(odometry && last_odometry_) && scan.stamp - *last_stamp_ >= options_.matcher.search_gap);
+    const bool unsure = isUnsure(scan.stamp, odometry && last_odometry_, result);
     const Pose guess = result.guess;
     follow(scan, unsure, result);
     if (result.status == Status::kStarted && options_.deskew && !scan.times.empty()) {
@@ -106,6 +104,15 @@ void Slam::predict(double stamp, const std::optional<Pose>& odometry, SlamResult
     motion = velocity_ * elapsed;
   }
   result.guess = compose(pose_, motion);
+}
+
+// Whether the first guess may be farther from the pose than the iterations reach.
+bool Slam::isUnsure(double stamp, bool odometry, const SlamResult& result) const {
+  const MatcherOptions& o = options_.matcher;
+  if (!last_match_ || result.gap > 0.0 || result.time_jumped_back) return true;
+  if (!odometry && stamp - *last_stamp_ >= o.search_gap) return true;
+  const Pose motion = between(pose_, result.guess);
+  return motion.head<2>().norm() > o.search_motion_distance || std::abs(motion.z()) > o.search_motion_angle;
 }
 
 // The pose is sought at the middle of the sweep: there it doesn't depend on the velocity that is assumed for

@@ -98,6 +98,27 @@ TEST(GridMap, OccupancyIsThatOfBayes) {
   EXPECT_FLOAT_EQ(options.min_probability, map.cell(12, 10).occupancy);
 }
 
+TEST(GridMap, TheLastPartOfABeamClearsUnknownCellsAlone) {
+  MapOptions options;
+  options.clear_margin = 0.25;  // 3 cells along the axis, 2 of the diagonal
+  GridMap map(0.1, {-1.0, -1.0}, 20, 20);
+  for (int i = 0; i < 20; ++i) {
+    for (int j : {10, i}) map.set(i, j, {0.9f, 0.5f}, 1);
+  }
+  map.set(15, 10, {}, 0);
+  map.update(beamTo({0.57f, 0.0f}), {0.05, 0.05, 0.0}, options);
+  EXPECT_LT(map.cell(12, 10).occupancy, 0.9f);
+  for (int x : {13, 14}) EXPECT_EQ(0.9f, map.cell(x, 10).occupancy) << x;
+  EXPECT_TRUE(GridMap::isFree(map.cell(15, 10)));  // was unknown
+  EXPECT_GT(map.cell(16, 10).occupancy, 0.9f);
+  const float once = map.cell(15, 10).occupancy;
+  map.update(beamTo({0.57f, 0.0f}), {0.05, 0.05, 0.0}, options);
+  EXPECT_EQ(once, map.cell(15, 10).occupancy);
+  map.update(beamTo({0.57f, 0.57f}), {0.05, 0.05, 0.0}, options);
+  EXPECT_LT(map.cell(13, 13).occupancy, 0.9f);
+  for (int i : {14, 15}) EXPECT_EQ(0.9f, map.cell(i, i).occupancy) << i;
+}
+
 TEST(GridMap, AScanUpdatesACellOnce) {
   const MapOptions options;
   GridMap once(0.1, {-1.0, -1.0}, 20, 20), many = once;

@@ -182,6 +182,21 @@ TEST(Slam, OdometryIsTheFirstGuess) {
   }
 }
 
+TEST(Slam, SearchesAfterALongWay) {
+  const double later = 0.9;
+  const Pose odometry = compose(truthAt(later), {0.2, -0.15, 0.25});
+  for (bool search : {false, true}) {
+    SlamOptions options;
+    options.matcher.cost = Cost::kOccupancy;
+    if (!search) options.matcher.search_motion_distance = options.matcher.search_motion_angle = 10.0;
+    Slam slam(options);
+    slam.process(scanAt(0.0), truthAt(0.0));
+    const SlamResult result = slam.process(scanAt(later), odometry);
+    EXPECT_EQ(search, result.match.searched);
+    EXPECT_LT(errorOf(result.pose, later), 0.03);
+  }
+}
+
 TEST(Slam, DeskewsAFastTurn) {
   // The scanner takes 40 ms for a sweep, the body turns at 1.5 rad/s.
   const auto sweep = [](int k) {

@@ -53,7 +53,8 @@ class GridMap {
   /// the outermost cells: never observed.
   Interpolation interpolate(const Eigen::Vector2d& point) const;
 
-  /// Each cell that a beam ends in is updated as occupied once, each that beams only cross as free once. A
+  /// Each cell that a beam ends in is updated as occupied once, each that beams only cross as free once, but
+  /// for known ones in the last MapOptions::clear_margin of each. A
   /// cell that turns free forgets its reflectivity. Beams that end outside are ignored, points without a
   /// known reflectivity count for the occupancy alone.
   void update(const Scan& scan, const Pose& pose, const MapOptions& options);

@@ -18,7 +18,10 @@ struct MapOptions {
   double max_size = 400.0;    ///< m, longest side that a map may grow to
   double update_factor_free = 0.48;     ///< P(g | z) of a cell that a beam crosses, 0 to 0.5
   double update_factor_occupied = 0.7;  ///< P(g | z) of a cell that a beam ends in, 0.5 to 1
-  double min_probability = 0.02;        ///< occupancy never falls below: an obstacle that comes is seen soon
+  /// m, the last part of each beam, which clears unknown cells alone: a wall seen at a grazing angle lies
+  /// along it, and would wear away between the few beams that hit it.
+  double clear_margin = 0.2;
+  double min_probability = 0.02;  ///< occupancy never falls below: an obstacle that comes is seen soon
   double max_probability = 0.98;  ///< occupancy never rises above: an obstacle that goes is cleared soon
   int max_count =
       1000;  ///< observations that the mean reflectivity goes over; then the latest count 1/max_count
@@ -46,8 +49,8 @@ enum class RobustKernel {
 /// When a window around the first guess is searched for the best start of the iterations.
 enum class Search {
   kNever,
-  kWhenUnsure,  ///< without odometry and with scans far apart, at the start, after a pause, where a match is
-                ///< rejected
+  kWhenUnsure,  ///< without odometry and with scans far apart, after a long way or turn, at the start, after
+                ///< a pause, where a match is rejected
   kAlways
 };
 
@@ -83,10 +86,12 @@ struct MatcherOptions {
   double unobservable_angle = 0.5;     ///< rad, and of the angle
 
   Search search = Search::kWhenUnsure;
-  double search_gap = 0.09;      ///< s, scans at least as far apart are, without odometry, reason to search
-  double search_distance = 0.3;  ///< m, half the width of the window
-  double search_angle = 0.35;    ///< rad, half its range of angles
-  int search_points = 200;       ///< of the scan, evenly spread
+  double search_gap = 0.09;  ///< s, scans at least as far apart are, without odometry, reason to search
+  double search_motion_distance = 0.3;  ///< m, of the first guess since the last scan: more is reason, too
+  double search_motion_angle = 0.2;     ///< rad
+  double search_distance = 0.3;         ///< m, half the width of the window
+  double search_angle = 0.35;           ///< rad, half its range of angles
+  int search_points = 200;              ///< of the scan, evenly spread
 
   /// @throws std::invalid_argument that names the option, its value and what is allowed
   void validate() const;

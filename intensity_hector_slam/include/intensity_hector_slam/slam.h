@@ -58,6 +58,7 @@ class Slam {
 
  private:
   void predict(double stamp, const std::optional<Pose>& odometry, SlamResult& result);
+  bool isUnsure(double stamp, bool odometry, const SlamResult& result) const;
   void follow(const Scan& scan, bool unsure, SlamResult& result);
   void startAgain();
   double deskew(const Scan& scan);

@@ -35,6 +35,7 @@ void readMap(mapping_common::Parameters& p, MapOptions& o) {
   o.max_size = p.get("max_size", o.max_size);
   o.update_factor_free = p.get("update_factor_free", o.update_factor_free);
   o.update_factor_occupied = p.get("update_factor_occupied", o.update_factor_occupied);
+  o.clear_margin = p.get("clear_margin", o.clear_margin);
   o.min_probability = p.get("min_probability", o.min_probability);
   o.max_probability = p.get("max_probability", o.max_probability);
   o.max_count = p.get("max_count", o.max_count);
@@ -63,6 +64,8 @@ void readMatcher(mapping_common::Parameters& p, MatcherOptions& o) {
   o.unobservable_angle = p.get("unobservable_angle", o.unobservable_angle);
   o.search = parseSearch(p.get<std::string>("search", "when_unsure"));
   o.search_gap = p.get("search_gap", o.search_gap);
+  o.search_motion_distance = p.get("search_motion_distance", o.search_motion_distance);
+  o.search_motion_angle = p.get("search_motion_angle", o.search_motion_angle);
   o.search_distance = p.get("search_distance", o.search_distance);
   o.search_angle = p.get("search_angle", o.search_angle);
   o.search_points = p.get("search_points", o.search_points);
