@@ -149,10 +149,8 @@ int LoopDetector::endOfCandidates(const View& view) {
   const int end = std::max(0, images() - options_.beta + 1);
   if (!options_.geometric_check || !options_.leave_first) return end;
   const int step = std::max(1, options_.beta / 2);
-  constexpr std::size_t kFew = 500;  // features are enough to see what hardly differs
-  const View glance = firstFeatures(view, kFew);
   const auto shows_the_same = [&](int image) {
-    return checkLayout(glance, firstFeatures(views_[image], kFew), options_.geometry).significance >=
+    return checkLayout(view, views_[image], options_.geometry).significance >=
            options_.tracks.min_significance;
   };
   while (in_view_ < end && !shows_the_same(in_view_)) in_view_ += step;
