@@ -29,6 +29,12 @@ bool read(XmlRpcValue& from, T& to) {
       return true;
     }
   }
+  if constexpr (std::is_same_v<T, std::string>) {
+    if (from.getType() == XmlRpcValue::TypeInt) {
+      to = std::to_string(static_cast<int&>(from));
+      return true;
+    }
+  }
   if (from.getType() != type) return false;
   to = static_cast<T&>(from);
   return true;

@@ -36,6 +36,7 @@ TEST(Parameters, ValuesAndFallbacks) {
   EXPECT_EQ(30.5, p.get("model/range", 1.0, 0.0, 100.0));
   EXPECT_TRUE(p.get("on", false));
   EXPECT_EQ("front", p.choice("name", "rear", {"front", "rear"}));
+  EXPECT_EQ("40", p.get("rate", std::string()));  // roslaunch makes numbers of what looks like one
   EXPECT_EQ("x", p.get("other", std::string("x")));
 }
 

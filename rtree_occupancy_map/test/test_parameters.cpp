@@ -159,7 +159,7 @@ TEST(Parameters, RejectionNamesParameterValueAndWhatIsAllowed) {
   expectRejected("{occupancy_min_z: 3, occupancy_max_z: 2}",
                  {"occupancy_max_z", "2", "more than occupancy_min_z"});
   expectRejected("frame_id: ''", {"~frame_id", "''"});
-  expectRejected("frame_id: 7", {"~frame_id", "7", "a string"});
+  expectRejected("frame_id: true", {"~frame_id", "1", "a string"});
 }
 
 TEST(Parameters, UnknownOnesAreRejected) {

@@ -2,10 +2,8 @@
 //
 // Publishes the scans of a Hokuyo. The dialogue with the device, and the publishing, happen in the
 // connection's thread; services, reconfiguration and diagnostics ask that thread.
-#include <diagnostic_updater/diagnostic_updater.h>
-#include <dynamic_reconfigure/server.h>
 #include <hokuyo_sick_drivers/HokuyoConfig.h>
-#include <nodelet/nodelet.h>
+#include <mapping_common/nodelet.h>
 #include <ros/ros.h>
 #include <sensor_msgs/LaserScan.h>
 #include <sensor_msgs/MultiEchoLaserScan.h>
@@ -26,7 +24,6 @@
 
 #include "hokuyo_sick_drivers/connection.h"
 #include "hokuyo_sick_drivers/hokuyo.h"
-#include "mapping_common/parameters.h"
 
 namespace hokuyo_sick_drivers {
 namespace {
@@ -98,10 +95,12 @@ sensor_msgs::MultiEchoLaserScanPtr toMessage(const HokuyoScan& scan, const std_m
 
 }  // namespace
 
-class HokuyoNodelet : public nodelet::Nodelet {
+class HokuyoNodelet : public mapping_common::Nodelet {
+ public:
+  ~HokuyoNodelet() override { endCallbacks(); }
+
  private:
-  void onInit() override;
-  void start();
+  void start(mapping_common::Parameters& parameters) override;
   Endpoint readParameters(mapping_common::Parameters& parameters, Hokuyo::Options& options);
 
   void publish(const HokuyoScan& scan);
@@ -109,11 +108,11 @@ class HokuyoNodelet : public nodelet::Nodelet {
 
   template <class Work>
   auto ask(Work work);
-  void reconfigure(HokuyoConfig& config);
+  void reconfigure(const HokuyoConfig& config);
   bool updateStatus(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response);
-  void diagnose();
-  void diagnoseDevice(diagnostic_updater::DiagnosticStatusWrapper& status);
-  void diagnoseScans(diagnostic_updater::DiagnosticStatusWrapper& status);
+  void report() override;
+  void diagnoseDevice(StatusWrapper& status);
+  void diagnoseScans(StatusWrapper& status);
 
   Endpoint endpoint_;
   double tolerance_ = 0.0, window_ = 0.0;  // of the scans' rate
@@ -124,12 +123,8 @@ class HokuyoNodelet : public nodelet::Nodelet {
 
   std::mutex config_mutex_;
   HokuyoConfig config_;
-  boost::recursive_mutex reconfigure_mutex_;
-  std::unique_ptr<dynamic_reconfigure::Server<HokuyoConfig>> reconfigure_server_;
   ros::ServiceServer status_service_;
 
-  std::unique_ptr<diagnostic_updater::Updater> diagnostics_;
-  ros::WallTimer diagnostics_timer_;
   Hokuyo::Status status_;
   std::string unreachable_;  // why there is no newer status
   HokuyoFaults reported_faults_{};
@@ -139,21 +134,8 @@ class HokuyoNodelet : public nodelet::Nodelet {
   std::unique_ptr<Connection> connection_;  // gone first
 };
 
-void HokuyoNodelet::onInit() {
-  try {
-    start();
-  } catch (const std::exception& e) {
-    NODELET_FATAL_STREAM("Not started: " << e.what());
-    throw;  // the manager then reports that the nodelet could not be loaded
-  }
-}
-
-void HokuyoNodelet::start() {
+void HokuyoNodelet::start(mapping_common::Parameters& parameters) {
   ros::NodeHandle& node = getNodeHandle();
-  ros::NodeHandle& private_node = getPrivateNodeHandle();
-  XmlRpc::XmlRpcValue values;
-  private_node.getParam(private_node.getNamespace(), values);
-  mapping_common::Parameters parameters(values);
   Hokuyo::Options options;
   endpoint_ = readParameters(parameters, options);
   parameters.rejectUnknown();
@@ -175,18 +157,14 @@ void HokuyoNodelet::start() {
                          [this](const std::string& why) { say(Level::kWarning, "Connection lost: " + why); },
                          [this](const std::string& why) { say(Level::kWarning, "No connection: " + why); }});
 
-  reconfigure_server_ =
-      std::make_unique<dynamic_reconfigure::Server<HokuyoConfig>>(reconfigure_mutex_, private_node);
-  reconfigure_server_->updateConfig(config_);
-  reconfigure_server_->setCallback([this](HokuyoConfig& config, std::uint32_t) { reconfigure(config); });
+  // As urg_node has them: the parameters themselves.
+  allowReconfiguration<HokuyoConfig>(
+      config_, [this](const HokuyoConfig& config, std::uint32_t) { reconfigure(config); }, "");
   status_service_ = node.advertiseService("update_laser_status", &HokuyoNodelet::updateStatus, this);
 
-  diagnostics_ = std::make_unique<diagnostic_updater::Updater>(node, private_node, getName());
-  diagnostics_->setHardwareID(endpoint_.name());
-  diagnostics_->add("Hardware Status", this, &HokuyoNodelet::diagnoseDevice);
-  diagnostics_->add("Scans", this, &HokuyoNodelet::diagnoseScans);
-  diagnostics_timer_ =
-      node.createWallTimer(ros::WallDuration(1.0), [this](const ros::WallTimerEvent&) { diagnose(); });
+  startDiagnostics(endpoint_.name(),
+                   {{"Hardware Status", [this](StatusWrapper& status) { diagnoseDevice(status); }},
+                    {"Scans", [this](StatusWrapper& status) { diagnoseScans(status); }}});
 }
 
 Endpoint HokuyoNodelet::readParameters(mapping_common::Parameters& parameters, Hokuyo::Options& options) {
@@ -279,15 +257,10 @@ auto HokuyoNodelet::ask(Work work) {
   return answer.get();
 }
 
-void HokuyoNodelet::reconfigure(HokuyoConfig& config) {
-  try {
-    ask([this, settings = toSettings(config)](Nanoseconds now) { hokuyo_->configure(settings, now); });
-    const std::lock_guard<std::mutex> lock(config_mutex_);
-    config_ = config;
-  } catch (const std::exception& e) {
-    NODELET_ERROR_STREAM("Reconfiguration rejected: " << e.what());
-    config = config_;
-  }
+void HokuyoNodelet::reconfigure(const HokuyoConfig& config) {
+  ask([this, settings = toSettings(config)](Nanoseconds now) { hokuyo_->configure(settings, now); });
+  const std::lock_guard<std::mutex> lock(config_mutex_);
+  config_ = config;
 }
 
 bool HokuyoNodelet::updateStatus(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
@@ -307,7 +280,7 @@ bool HokuyoNodelet::updateStatus(std_srvs::Trigger::Request&, std_srvs::Trigger:
   return true;
 }
 
-void HokuyoNodelet::diagnose() {
+void HokuyoNodelet::report() {
   try {
     status_ = ask([this](Nanoseconds) { return hokuyo_->status(); });
     unreachable_.clear();
@@ -317,11 +290,11 @@ void HokuyoNodelet::diagnose() {
   const ros::WallTime now = ros::WallTime::now();
   scan_counts_.emplace_back(now, status_.scans);
   while ((now - scan_counts_.front().first).toSec() > window_ + 0.5) scan_counts_.pop_front();
-  diagnostics_->force_update();
+  Nodelet::report();
   reported_faults_ = status_.faults;
 }
 
-void HokuyoNodelet::diagnoseDevice(diagnostic_updater::DiagnosticStatusWrapper& status) {
+void HokuyoNodelet::diagnoseDevice(StatusWrapper& status) {
   using diagnostic_msgs::DiagnosticStatus;
   std::string faults;
   for (std::size_t i = 0; i < status_.faults.size(); ++i) {
@@ -356,7 +329,7 @@ void HokuyoNodelet::diagnoseDevice(diagnostic_updater::DiagnosticStatusWrapper& 
   }
 }
 
-void HokuyoNodelet::diagnoseScans(diagnostic_updater::DiagnosticStatusWrapper& status) {
+void HokuyoNodelet::diagnoseScans(StatusWrapper& status) {
   using diagnostic_msgs::DiagnosticStatus;
   const auto& [begin, first_count] = scan_counts_.front();
   const auto& [end, last_count] = scan_counts_.back();

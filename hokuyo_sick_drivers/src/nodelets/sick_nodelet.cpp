@@ -2,12 +2,9 @@
 //
 // Publishes the scans of a SICK LMS 2xx. The driver, publishing and diagnostics live in the connection's
 // thread, so that nothing here needs a lock.
-#include <diagnostic_updater/diagnostic_updater.h>
 #include <diagnostic_updater/publisher.h>
-#include <dynamic_reconfigure/server.h>
 #include <hokuyo_sick_drivers/SickConfig.h>
-#include <mapping_common/parameters.h>
-#include <nodelet/nodelet.h>
+#include <mapping_common/nodelet.h>
 #include <sensor_msgs/LaserScan.h>
 
 #include <algorithm>
@@ -82,18 +79,18 @@ LmsOptions readOptions(Parameters& parameters) {
 
 }  // namespace
 
-class SickNodelet : public nodelet::Nodelet {
+class SickNodelet : public mapping_common::Nodelet {
  public:
   ~SickNodelet() override;
 
  private:
-  void onInit() override;
-  void start();
+  void start(Parameters& parameters) override;
 
   void publish(const lms::Scan& scan);
   void portRefused(const std::string& why);
-  void report();
-  void diagnose(diagnostic_updater::DiagnosticStatusWrapper& status);
+  void report() override;
+  void reportHere();
+  void diagnose(StatusWrapper& status);
 
   Endpoint endpoint_;
   std::string frame_id_;
@@ -102,7 +99,6 @@ class SickNodelet : public nodelet::Nodelet {
   std::unique_ptr<Lms2xx> lms_;
   ros::Publisher publisher_;
 
-  std::unique_ptr<diagnostic_updater::Updater> diagnostics_;
   std::unique_ptr<diagnostic_updater::TopicDiagnostic> scan_diagnostic_;
   double desired_frequency_ = 0.0;
   double min_frequency_ = 0.0, max_frequency_ = 0.0;  // Hz, that the diagnostics expect
@@ -113,32 +109,14 @@ class SickNodelet : public nodelet::Nodelet {
   double latency_ = 0.0;  // s, of the last stamp
 
   std::unique_ptr<Connection> connection_;
-  boost::recursive_mutex reconfigure_mutex_;
-  std::unique_ptr<dynamic_reconfigure::Server<SickConfig>> reconfigure_server_;
-  ros::WallTimer timer_;
 };
 
 SickNodelet::~SickNodelet() {
-  timer_.stop();
-  reconfigure_server_.reset();
+  endCallbacks();
   connection_.reset();  // stops the device
 }
 
-void SickNodelet::onInit() {
-  try {
-    start();
-  } catch (const std::exception& e) {
-    NODELET_FATAL_STREAM("Not started: " << e.what());
-    throw;  // the manager then reports that the nodelet could not be loaded
-  }
-}
-
-void SickNodelet::start() {
-  ros::NodeHandle& node = getMTNodeHandle();
-  ros::NodeHandle& private_node = getPrivateNodeHandle();
-  XmlRpc::XmlRpcValue values;
-  private_node.getParam(private_node.getNamespace(), values);
-  Parameters parameters(values);
+void SickNodelet::start(Parameters& parameters) {
   const LmsOptions options = readOptions(parameters);
   endpoint_.device = parameters.get<std::string>("port", "/dev/lms200");
   endpoint_.baud_rate = options.baud_rate;
@@ -157,14 +135,12 @@ void SickNodelet::start() {
       parameters.get("min_acceptable_delay", 0.0, -10.0, 10.0),
       parameters.get("max_acceptable_delay", 1.0, 0.0, 10.0));
   const std::string hardware_id = parameters.get<std::string>("hardware_id", "SICK LMS");
-  parameters.rejectUnknown({"reconfigure/"});
+  rejectUnknown(parameters);
 
-  publisher_ = node.advertise<sensor_msgs::LaserScan>("scan", 10);
-  diagnostics_ = std::make_unique<diagnostic_updater::Updater>(node, private_node, getName());
-  diagnostics_->setHardwareID(hardware_id);
-  diagnostics_->add("Device", this, &SickNodelet::diagnose);
+  publisher_ = getNodeHandle().advertise<sensor_msgs::LaserScan>("scan", 10);
+  startDiagnostics(hardware_id, {{"Device", [this](StatusWrapper& status) { diagnose(status); }}});
   scan_diagnostic_ =
-      std::make_unique<diagnostic_updater::TopicDiagnostic>("scan", *diagnostics_, frequency, delay);
+      std::make_unique<diagnostic_updater::TopicDiagnostic>("scan", diagnostics(), frequency, delay);
 
   Connection::Options times;
   if (options.restore_on_exit) times.stop_timeout = Lms2xx::kRestoreTime;
@@ -178,15 +154,13 @@ void SickNodelet::start() {
   };
   connection_ = std::make_unique<Connection>(endpoint_, *lms_, events, times);
 
-  reconfigure_server_ = std::make_unique<dynamic_reconfigure::Server<SickConfig>>(
-      reconfigure_mutex_, ros::NodeHandle(private_node, "reconfigure"));
-  reconfigure_server_->updateConfig(config_);
-  reconfigure_server_->setCallback([this](SickConfig& config, std::uint32_t) {
+  allowReconfiguration<SickConfig>(config_, [this](const SickConfig& config, std::uint32_t) {
     connection_->post([this, config](Nanoseconds) { config_ = config; });
   });
-  timer_ = node.createWallTimer(ros::WallDuration(1.0), [this](const ros::WallTimerEvent&) {
-    connection_->post([this](Nanoseconds) { report(); });
-  });
+}
+
+void SickNodelet::report() {
+  connection_->post([this](Nanoseconds) { reportHere(); });
 }
 
 // --------------------------------------------------------------------------------------------------------
@@ -229,7 +203,7 @@ void SickNodelet::portRefused(const std::string& why) {
   port_problem_ = why;
 }
 
-void SickNodelet::report() {
+void SickNodelet::reportHere() {
   const LmsReport& report = lms_->report();
   if (report.problem != last_problem_ && !report.problem.empty()) {
     NODELET_WARN_STREAM(endpoint_.name() << ": " << report.problem << ", trying again");
@@ -253,10 +227,10 @@ void SickNodelet::report() {
   const double expected = desired_frequency_ > 0.0 ? desired_frequency_ : report.scan_rate;
   min_frequency_ = config_.min_frequency > 0.0 ? config_.min_frequency : expected;
   max_frequency_ = config_.max_frequency > 0.0 ? config_.max_frequency : expected;
-  diagnostics_->force_update();
+  Nodelet::report();
 }
 
-void SickNodelet::diagnose(diagnostic_updater::DiagnosticStatusWrapper& status) {
+void SickNodelet::diagnose(StatusWrapper& status) {
   using diagnostic_msgs::DiagnosticStatus;
   using Phase = LmsReport::Phase;
   const LmsReport& report = lms_->report();

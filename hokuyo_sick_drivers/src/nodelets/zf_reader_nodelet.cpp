@@ -1,11 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
 // Publishes terrestrial scans from a file (E57, PTX, PTS, ASC). A thread reads, so that the manager goes on.
-#include <diagnostic_updater/diagnostic_updater.h>
-#include <dynamic_reconfigure/server.h>
 #include <hokuyo_sick_drivers/ZfReaderConfig.h>
-#include <mapping_common/parameters.h>
-#include <nodelet/nodelet.h>
+#include <mapping_common/nodelet.h>
 #include <sensor_msgs/PointCloud2.h>
 #include <tf2_ros/static_transform_broadcaster.h>
 
@@ -49,15 +46,14 @@ struct Scan {
 
 }  // namespace
 
-class ZfReaderNodelet : public nodelet::Nodelet {
+class ZfReaderNodelet : public mapping_common::Nodelet {
  public:
   ~ZfReaderNodelet() override;
 
  private:
-  void onInit() override;
-  void start();
-  void readParameters();
-  void reconfigure(ZfReaderConfig& config, std::uint32_t level);
+  void start(mapping_common::Parameters& parameters) override;
+  void readParameters(mapping_common::Parameters& parameters);
+  void reconfigure(const ZfReaderConfig& config);
 
   void run();
   [[noreturn]] void readAndPublish();
@@ -66,7 +62,7 @@ class ZfReaderNodelet : public nodelet::Nodelet {
   void waitForSubscriber();
   void waitForNext();
   void waitForLoop();
-  void diagnose(diagnostic_updater::DiagnosticStatusWrapper& status);
+  void diagnose(StatusWrapper& status);
 
   std::string file_, choice_, frame_id_, parent_frame_;
   bool latch_ = true, publish_tf_ = true;
@@ -75,10 +71,6 @@ class ZfReaderNodelet : public nodelet::Nodelet {
 
   ros::Publisher publisher_;
   std::unique_ptr<tf2_ros::StaticTransformBroadcaster> broadcaster_;
-  boost::recursive_mutex reconfigure_mutex_;
-  std::unique_ptr<dynamic_reconfigure::Server<ZfReaderConfig>> reconfigure_server_;
-  std::unique_ptr<diagnostic_updater::Updater> diagnostics_;
-  ros::WallTimer diagnostics_timer_;
 
   std::mutex mutex_;  // of all below
   std::condition_variable changed_;
@@ -98,42 +90,17 @@ ZfReaderNodelet::~ZfReaderNodelet() {
   if (thread_.joinable()) thread_.join();
 }
 
-void ZfReaderNodelet::onInit() {
-  try {
-    start();
-  } catch (const std::exception& e) {
-    NODELET_FATAL_STREAM("Not started: " << e.what());
-    throw;  // the manager then reports that the nodelet could not be loaded
-  }
-}
-
-void ZfReaderNodelet::start() {
-  ros::NodeHandle& node = getNodeHandle();
-  ros::NodeHandle& private_node = getPrivateNodeHandle();
-  readParameters();
-  publisher_ = node.advertise<sensor_msgs::PointCloud2>("cloud", 1, latch_);
+void ZfReaderNodelet::start(mapping_common::Parameters& parameters) {
+  readParameters(parameters);
+  publisher_ = getNodeHandle().advertise<sensor_msgs::PointCloud2>("cloud", 1, latch_);
   broadcaster_ = std::make_unique<tf2_ros::StaticTransformBroadcaster>();
-  reconfigure_server_ = std::make_unique<dynamic_reconfigure::Server<ZfReaderConfig>>(
-      reconfigure_mutex_, ros::NodeHandle(private_node, "reconfigure"));
-  reconfigure_server_->updateConfig(config_);
-  reconfigure_server_->setCallback(
-      [this](ZfReaderConfig& config, std::uint32_t level) { reconfigure(config, level); });
-  diagnostics_ = std::make_unique<diagnostic_updater::Updater>(node, private_node, getName());
-  diagnostics_->setHardwareID(file_);
-  diagnostics_->add("Scan file", this, &ZfReaderNodelet::diagnose);
-  diagnostics_timer_ = node.createWallTimer(
-      ros::WallDuration(1.0), [this](const ros::WallTimerEvent&) { diagnostics_->force_update(); });
+  allowReconfiguration<ZfReaderConfig>(
+      config_, [this](const ZfReaderConfig& config, std::uint32_t) { reconfigure(config); });
+  startDiagnostics(file_, {{"Scan file", [this](StatusWrapper& status) { diagnose(status); }}});
   thread_ = std::thread([this] { run(); });
 }
 
-void ZfReaderNodelet::readParameters() {
-  XmlRpc::XmlRpcValue values;
-  getPrivateNodeHandle().getParam(getPrivateNodeHandle().getNamespace(), values);
-  if (values.getType() == XmlRpc::XmlRpcValue::TypeStruct && values.hasMember("scan") &&
-      values["scan"].getType() == XmlRpc::XmlRpcValue::TypeInt) {
-    values["scan"] = std::to_string(static_cast<int&>(values["scan"]));
-  }
-  mapping_common::Parameters parameters(values);
+void ZfReaderNodelet::readParameters(mapping_common::Parameters& parameters) {
   constexpr double kMax = std::numeric_limits<double>::max();
   file_ = parameters.get<std::string>("file", "");
   choice_ = parameters.get<std::string>("scan", "1");
@@ -160,7 +127,7 @@ void ZfReaderNodelet::readParameters() {
   cloud_options_.grid = parameters.get("grid", true);
   cloud_options_.apply_pose = parameters.get("apply_pose", false);
   const std::string offset = parameters.get<std::string>("offset", "auto");
-  parameters.rejectUnknown({"reconfigure/"});
+  rejectUnknown(parameters);
 
   if (file_.empty()) mapping_common::rejectParameter("file", "\"\"", "expected the path of a scan file");
   if (frame_id_.empty()) mapping_common::rejectParameter("frame_id", "\"\"", "expected a frame");
@@ -183,7 +150,7 @@ void ZfReaderNodelet::readParameters() {
   }
 }
 
-void ZfReaderNodelet::reconfigure(ZfReaderConfig& config, std::uint32_t /*level*/) {
+void ZfReaderNodelet::reconfigure(const ZfReaderConfig& config) {
   {
     const std::lock_guard<std::mutex> lock(mutex_);
     config_ = config;
@@ -312,7 +279,7 @@ void ZfReaderNodelet::waitForLoop() {
   if (stop_) throw ReadStopped();
 }
 
-void ZfReaderNodelet::diagnose(diagnostic_updater::DiagnosticStatusWrapper& status) {
+void ZfReaderNodelet::diagnose(StatusWrapper& status) {
   using diagnostic_msgs::DiagnosticStatus;
   const std::lock_guard<std::mutex> lock(mutex_);
   if (!state_.error.empty()) {

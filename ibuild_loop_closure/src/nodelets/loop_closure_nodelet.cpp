@@ -3,17 +3,15 @@
 // Detects loop closures in the images of a camera. Everything happens in the nodelet's single-threaded
 // callback queue, so that nothing here needs a lock.
 #include <cv_bridge/cv_bridge.h>
-#include <diagnostic_updater/diagnostic_updater.h>
-#include <dynamic_reconfigure/server.h>
 #include <ibuild_loop_closure/LoopClosureConfig.h>
 #include <image_transport/image_transport.h>
+#include <mapping_common/nodelet.h>
 #include <mapping_msgs/EdgeConstraint.h>
 #include <mapping_msgs/LoadMap.h>
 #include <mapping_msgs/SaveMap.h>
 #include <message_filters/subscriber.h>
 #include <message_filters/sync_policies/approximate_time.h>
 #include <message_filters/synchronizer.h>
-#include <nodelet/nodelet.h>
 #include <std_srvs/Empty.h>
 #include <tf2_eigen/tf2_eigen.h>
 #include <tf2_ros/buffer.h>
@@ -36,9 +34,8 @@
 namespace ibuild_loop_closure {
 namespace {
 
-// Why an image was dropped.
-enum Reason { kMalformed, kOutOfOrder, kNoTransform, kNumReasons };
-constexpr std::array<const char*, kNumReasons> kReasons = {"malformed", "out of order", "no transform"};
+// Why an image was dropped: the order of the names given to drops_.
+enum Reason { kMalformed, kOutOfOrder, kNoTransform };
 
 // Stamps may be out of order by this much before time is said to have jumped back.
 const ros::Duration kJump(1.0);
@@ -47,25 +44,19 @@ constexpr int kThumbnailWidth = 320;  // pixels, of the debug image's halves
 
 // What happened since the last diagnostics.
 struct Activity {
-  std::size_t images = 0, key_frames = 0, drops = 0;
+  std::size_t images = 0, key_frames = 0;
   std::array<double, kStages> seconds = {};
   double longest = 0.0;
 };
 
-void requireAbsolute(const std::string& path) {
-  if (path.empty() || path[0] != '/')
-    throw std::invalid_argument("path is '" + path + "', allowed is an absolute path");
-}
-
 }  // namespace
 
-class LoopClosureNodelet : public nodelet::Nodelet {
+class LoopClosureNodelet : public mapping_common::Nodelet {
  public:
   ~LoopClosureNodelet() override;
 
  private:
-  void onInit() override;
-  void start();
+  void start(mapping_common::Parameters& reader) override;
   void subscribe();
   template <class Message>
   void arrived(const boost::shared_ptr<const Message>& image, const sensor_msgs::ImageConstPtr& depth);
@@ -79,10 +70,10 @@ class LoopClosureNodelet : public nodelet::Nodelet {
   bool loadVocabulary(mapping_msgs::LoadMap::Request& request, mapping_msgs::LoadMap::Response& response);
   std::string load(const std::string& path);
   bool reset(std_srvs::Empty::Request&, std_srvs::Empty::Response&);
-  void reconfigure(LoopClosureConfig& config, std::uint32_t level);
-  void diagnose();
-  void diagnoseInput(diagnostic_updater::DiagnosticStatusWrapper& status);
-  void diagnoseLoops(diagnostic_updater::DiagnosticStatusWrapper& status);
+  void reconfigure(const LoopClosureConfig& config);
+  void report() override;
+  void diagnoseInput(StatusWrapper& status);
+  void diagnoseLoops(StatusWrapper& status);
 
   LoopClosureParameters parameters_;
   std::unique_ptr<LoopDetector> detector_;
@@ -113,13 +104,8 @@ class LoopClosureNodelet : public nodelet::Nodelet {
   ros::Publisher loops_;
   image_transport::Publisher debug_images_;
   std::vector<ros::ServiceServer> services_;
-  boost::recursive_mutex reconfigure_mutex_;
-  std::unique_ptr<dynamic_reconfigure::Server<LoopClosureConfig>> reconfigure_server_;
-  std::unique_ptr<diagnostic_updater::Updater> diagnostics_;
-  ros::WallTimer diagnostics_timer_;
-  ros::WallTime last_diagnostics_;
   Activity activity_;
-  std::array<std::size_t, kNumReasons> dropped_ = {};
+  mapping_common::DropCounts drops_{{"malformed", "out of order", "no transform"}};
   std::size_t accepted_ = 0, with_transform_ = 0;
 };
 
@@ -133,23 +119,11 @@ LoopClosureNodelet::~LoopClosureNodelet() {
   }
 }
 
-void LoopClosureNodelet::onInit() {
-  try {
-    start();
-  } catch (const std::exception& e) {
-    NODELET_FATAL_STREAM("Not started: " << e.what());
-    throw;  // the manager then reports that the nodelet could not be loaded
-  }
-}
-
-void LoopClosureNodelet::start() {
+void LoopClosureNodelet::start(mapping_common::Parameters& reader) {
   ros::NodeHandle& node = getNodeHandle();
   ros::NodeHandle& private_node = getPrivateNodeHandle();
-  XmlRpc::XmlRpcValue values;
-  private_node.getParam(private_node.getNamespace(), values);
-  mapping_common::Parameters reader(values);
   parameters_ = readLoopClosureParameters(reader);
-  reader.rejectUnknown({"reconfigure/", "debug_image/"});
+  rejectUnknown(reader, {"debug_image/"});
 
   detector_ = std::make_unique<LoopDetector>(parameters_.detector);
   if (!parameters_.vocabulary_file.empty()) NODELET_INFO_STREAM(load(parameters_.vocabulary_file));
@@ -160,16 +134,13 @@ void LoopClosureNodelet::start() {
   if (parameters_.debug_image) {
     debug_images_ = image_transport::ImageTransport(private_node).advertise("debug_image", 1);
   }
-  reconfigure_server_ = std::make_unique<dynamic_reconfigure::Server<LoopClosureConfig>>(
-      reconfigure_mutex_, ros::NodeHandle(private_node, "reconfigure"));
   LoopClosureConfig config;
   config.min_interval = parameters_.key_frames.min_interval;
   config.min_distance = parameters_.key_frames.min_distance;
   config.min_angle = parameters_.key_frames.min_angle;
   config.min_difference = parameters_.key_frames.min_difference;
-  reconfigure_server_->updateConfig(config);
-  reconfigure_server_->setCallback(
-      [this](LoopClosureConfig& c, std::uint32_t level) { reconfigure(c, level); });
+  allowReconfiguration<LoopClosureConfig>(
+      config, [this](const LoopClosureConfig& changed, std::uint32_t) { reconfigure(changed); });
 
   tf_listener_ = std::make_unique<tf2_ros::TransformListener>(tf_buffer_, node, false);
   subscribe();
@@ -177,13 +148,8 @@ void LoopClosureNodelet::start() {
                private_node.advertiseService("load_vocabulary", &LoopClosureNodelet::loadVocabulary, this),
                private_node.advertiseService("reset", &LoopClosureNodelet::reset, this)};
 
-  diagnostics_ = std::make_unique<diagnostic_updater::Updater>(node, private_node, getName());
-  diagnostics_->setHardwareID("none");
-  diagnostics_->add("Input", this, &LoopClosureNodelet::diagnoseInput);
-  diagnostics_->add("Loop closure", this, &LoopClosureNodelet::diagnoseLoops);
-  last_diagnostics_ = ros::WallTime::now();
-  diagnostics_timer_ =
-      node.createWallTimer(ros::WallDuration(1.0), [this](const ros::WallTimerEvent&) { diagnose(); });
+  startDiagnostics("none", {{"Input", [this](StatusWrapper& status) { diagnoseInput(status); }},
+                            {"Loop closure", [this](StatusWrapper& status) { diagnoseLoops(status); }}});
 }
 
 // --------------------------------------------------------------------------------------------------- input
@@ -313,39 +279,26 @@ void LoopClosureNodelet::publish(const Loop& loop, const std_msgs::Header& heade
 }
 
 void LoopClosureNodelet::drop(Reason reason, const std::string& why) {
-  ++dropped_[reason];
-  ++activity_.drops;
-  std::ostringstream counts;
-  for (int r = 0; r < kNumReasons; ++r) counts << (r > 0 ? ", " : "") << dropped_[r] << ' ' << kReasons[r];
+  drops_.add(reason);
   NODELET_WARN_STREAM_THROTTLE(
-      5.0, "Dropped an image (" << kReasons[reason] << "): " << why << ". So far: " << counts.str());
+      5.0, "Dropped an image (" << drops_.name(reason) << "): " << why << ". So far: " << drops_.text());
 }
 
 // ------------------------------------------------------------------------------------------------ services
 
 bool LoopClosureNodelet::saveVocabulary(mapping_msgs::SaveMap::Request& request,
                                         mapping_msgs::SaveMap::Response& response) {
-  try {
-    requireAbsolute(request.path);
+  mapping_common::answer(request.path, response, [&] {
     detector_->save(request.path);
-    response.success = true;
-    response.message = "Wrote " + std::to_string(detector_->vocabulary().size()) + " words of " +
-                       std::to_string(detector_->images()) + " images to " + request.path;
-  } catch (const std::exception& e) {
-    response.message = e.what();
-  }
+    return "Wrote " + std::to_string(detector_->vocabulary().size()) + " words of " +
+           std::to_string(detector_->images()) + " images to " + request.path;
+  });
   return true;
 }
 
 bool LoopClosureNodelet::loadVocabulary(mapping_msgs::LoadMap::Request& request,
                                         mapping_msgs::LoadMap::Response& response) {
-  try {
-    requireAbsolute(request.path);
-    response.message = load(request.path);
-    response.success = true;
-  } catch (const std::exception& e) {
-    response.message = e.what();
-  }
+  mapping_common::answer(request.path, response, [&] { return load(request.path); });
   return true;
 }
 
@@ -370,7 +323,7 @@ bool LoopClosureNodelet::reset(std_srvs::Empty::Request&, std_srvs::Empty::Respo
 
 // ------------------------------------------------------------------------------------------- while it runs
 
-void LoopClosureNodelet::reconfigure(LoopClosureConfig& config, std::uint32_t) {
+void LoopClosureNodelet::reconfigure(const LoopClosureConfig& config) {
   KeyFrameOptions& options = key_frames_.options;
   options.min_interval = config.min_interval;
   options.min_distance = config.min_distance;
@@ -378,27 +331,27 @@ void LoopClosureNodelet::reconfigure(LoopClosureConfig& config, std::uint32_t) {
   options.min_difference = config.min_difference;
 }
 
-void LoopClosureNodelet::diagnose() {
-  diagnostics_->force_update();
-  last_diagnostics_ = ros::WallTime::now();
+void LoopClosureNodelet::report() {
+  Nodelet::report();
+  drops_.endReport();
   activity_ = {};
 }
 
-void LoopClosureNodelet::diagnoseInput(diagnostic_updater::DiagnosticStatusWrapper& status) {
+void LoopClosureNodelet::diagnoseInput(StatusWrapper& status) {
   using diagnostic_msgs::DiagnosticStatus;
-  const double seconds = std::max(1e-3, (ros::WallTime::now() - last_diagnostics_).toSec());
-  if (activity_.drops > 0) {
-    status.summaryf(DiagnosticStatus::WARN, "%zu images dropped", activity_.drops);
+  const double seconds = reportedTime();
+  if (drops_.recent() > 0) {
+    status.summaryf(DiagnosticStatus::WARN, "%zu images dropped", drops_.recent());
   } else {
     status.summary(DiagnosticStatus::OK, activity_.images > 0 ? "Images" : "No input");
   }
   status.addf("Images (Hz)", "%.1f", static_cast<double>(activity_.images) / seconds);
   status.addf("Key frames (Hz)", "%.1f", static_cast<double>(activity_.key_frames) / seconds);
-  for (int r = 0; r < kNumReasons; ++r) status.add(std::string("Dropped: ") + kReasons[r], dropped_[r]);
+  drops_.addTo(status, "Dropped");
   status.add("Camera calibrated", camera_.has_value());
 }
 
-void LoopClosureNodelet::diagnoseLoops(diagnostic_updater::DiagnosticStatusWrapper& status) {
+void LoopClosureNodelet::diagnoseLoops(StatusWrapper& status) {
   status.summaryf(diagnostic_msgs::DiagnosticStatus::OK, "%zu loops", accepted_);
   status.add("Key frames", detector_->images());
   status.add("Words", detector_->vocabulary().size());

@@ -2,10 +2,8 @@
 //
 // Turns the intensities of scans and clouds into reflectivities, message by message. Everything happens in
 // the nodelet's single-threaded callback queue, so that nothing here needs a lock; nothing depends on time.
-#include <diagnostic_updater/diagnostic_updater.h>
-#include <dynamic_reconfigure/server.h>
 #include <laser_intensity_calib/ReflectivityConfig.h>
-#include <nodelet/nodelet.h>
+#include <mapping_common/nodelet.h>
 #include <ros/ros.h>
 #include <std_srvs/Trigger.h>
 
@@ -19,10 +17,9 @@
 
 namespace laser_intensity_calib {
 
-class ReflectivityNodelet : public nodelet::Nodelet {
+class ReflectivityNodelet : public mapping_common::Nodelet {
  private:
-  void onInit() override;
-  void start();
+  void start(mapping_common::Parameters& reader) override;
 
   void scanArrived(const sensor_msgs::LaserScan::ConstPtr& scan);
   void cloudArrived(const sensor_msgs::PointCloud2::ConstPtr& cloud);
@@ -31,8 +28,9 @@ class ReflectivityNodelet : public nodelet::Nodelet {
 
   void use(const std::string& file, ModelType model);
   bool reload(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response);
-  void reconfigure(ReflectivityConfig& config, std::uint32_t);
-  void diagnose(diagnostic_updater::DiagnosticStatusWrapper& status);
+  void reconfigure(const ReflectivityConfig& config);
+  void report() override;
+  void diagnose(StatusWrapper& status);
 
   ReflectivityParameters parameters_;
   Calibration calibration_;
@@ -41,36 +39,18 @@ class ReflectivityNodelet : public nodelet::Nodelet {
   ros::Subscriber scans_, clouds_;
   ros::Publisher scan_publisher_, cloud_publisher_;
   ros::ServiceServer reload_;
-  ros::WallTimer timer_;
-  boost::recursive_mutex reconfigure_mutex_;
-  std::unique_ptr<dynamic_reconfigure::Server<ReflectivityConfig>> reconfigure_server_;
-  std::unique_ptr<diagnostic_updater::Updater> diagnostics_;
 
   ReflectivityCounts counts_;
   std::size_t dropped_ = 0;  // messages
   // Since the last diagnostics.
   std::size_t received_scans_ = 0, received_clouds_ = 0, processed_ = 0, drops_ = 0, valid_before_ = 0;
   double time_ = 0.0, longest_ = 0.0;  // s
-  ros::WallTime last_diagnostics_;
 };
 
-void ReflectivityNodelet::onInit() {
-  try {
-    start();
-  } catch (const std::exception& e) {
-    NODELET_FATAL_STREAM("Not started: " << e.what());
-    throw;  // the manager then reports that the nodelet could not be loaded
-  }
-}
-
-void ReflectivityNodelet::start() {
+void ReflectivityNodelet::start(mapping_common::Parameters& reader) {
   ros::NodeHandle& node = getNodeHandle();
-  ros::NodeHandle& private_node = getPrivateNodeHandle();
-  XmlRpc::XmlRpcValue values;
-  private_node.getParam(private_node.getNamespace(), values);
-  mapping_common::Parameters reader(values);
   parameters_ = readReflectivityParameters(reader);
-  reader.rejectUnknown({"reconfigure/"});
+  rejectUnknown(reader);
   scan_incidence_ = ScanIncidence(parameters_.scan);
   use(parameters_.calibration_file, parameters_.model);
 
@@ -78,25 +58,17 @@ void ReflectivityNodelet::start() {
   config.calibration_file = parameters_.calibration_file;
   config.model = toString(parameters_.model);
   config.outside = toString(parameters_.outside);
-  reconfigure_server_ = std::make_unique<dynamic_reconfigure::Server<ReflectivityConfig>>(
-      reconfigure_mutex_, ros::NodeHandle(private_node, "reconfigure"));
-  reconfigure_server_->updateConfig(config);
-  reconfigure_server_->setCallback(
-      [this](ReflectivityConfig& changed, std::uint32_t level) { reconfigure(changed, level); });
+  allowReconfiguration<ReflectivityConfig>(
+      config, [this](const ReflectivityConfig& changed, std::uint32_t) { reconfigure(changed); });
 
   scan_publisher_ = node.advertise<sensor_msgs::LaserScan>("scan_reflectivity", parameters_.queue_size);
   cloud_publisher_ = node.advertise<sensor_msgs::PointCloud2>("cloud_reflectivity", parameters_.queue_size);
   scans_ = node.subscribe("scan", parameters_.queue_size, &ReflectivityNodelet::scanArrived, this);
   clouds_ = node.subscribe("cloud", parameters_.queue_size, &ReflectivityNodelet::cloudArrived, this);
-  reload_ = private_node.advertiseService("reload", &ReflectivityNodelet::reload, this);
+  reload_ = getPrivateNodeHandle().advertiseService("reload", &ReflectivityNodelet::reload, this);
 
-  diagnostics_ = std::make_unique<diagnostic_updater::Updater>(node, private_node, getName());
-  diagnostics_->setHardwareID(calibration_.scanner.empty() ? "none" : calibration_.scanner);
-  diagnostics_->add("Reflectivity", this, &ReflectivityNodelet::diagnose);
-  last_diagnostics_ = ros::WallTime::now();
-  // Wall time: reported while a bag is paused, too.
-  timer_ = node.createWallTimer(ros::WallDuration(1.0),
-                                [this](const ros::WallTimerEvent&) { diagnostics_->force_update(); });
+  startDiagnostics(calibration_.scanner.empty() ? "none" : calibration_.scanner,
+                   {{"Reflectivity", [this](StatusWrapper& status) { diagnose(status); }}});
 }
 
 // State changes only after the file was read and fits.
@@ -169,26 +141,25 @@ bool ReflectivityNodelet::reload(std_srvs::Trigger::Request&, std_srvs::Trigger:
   return true;
 }
 
-void ReflectivityNodelet::reconfigure(ReflectivityConfig& config, std::uint32_t) {
-  try {
-    const ModelType model = parseModelType(config.model);
-    const OutsidePolicy outside = parseOutsidePolicy(config.outside);
-    if (config.calibration_file != parameters_.calibration_file || model != parameters_.model) {
-      use(config.calibration_file, model);
-    }
-    parameters_.outside = outside;
-  } catch (const std::exception& e) {
-    NODELET_ERROR_STREAM("Reconfiguration rejected: " << e.what());
-    config.calibration_file = parameters_.calibration_file;
-    config.model = toString(parameters_.model);
-    config.outside = toString(parameters_.outside);
+void ReflectivityNodelet::reconfigure(const ReflectivityConfig& config) {
+  const ModelType model = parseModelType(config.model);
+  const OutsidePolicy outside = parseOutsidePolicy(config.outside);
+  if (config.calibration_file != parameters_.calibration_file || model != parameters_.model) {
+    use(config.calibration_file, model);
   }
+  parameters_.outside = outside;
 }
 
-void ReflectivityNodelet::diagnose(diagnostic_updater::DiagnosticStatusWrapper& status) {
+void ReflectivityNodelet::report() {
+  Nodelet::report();
+  received_scans_ = received_clouds_ = processed_ = drops_ = 0;
+  valid_before_ = counts_.valid;
+  time_ = longest_ = 0.0;
+}
+
+void ReflectivityNodelet::diagnose(StatusWrapper& status) {
   using diagnostic_msgs::DiagnosticStatus;
-  const ros::WallTime now = ros::WallTime::now();
-  const double seconds = std::max(1e-3, (now - last_diagnostics_).toSec());
+  const double seconds = reportedTime();
   if (drops_ > 0) {
     status.summaryf(DiagnosticStatus::WARN, "%zu messages dropped", drops_);
   } else if (processed_ > 0 && counts_.valid == valid_before_ &&
@@ -213,10 +184,6 @@ void ReflectivityNodelet::diagnose(diagnostic_updater::DiagnosticStatusWrapper& 
              counts_.outside);
   status.addf("Processing, mean (ms)", "%.3f", processed_ > 0 ? 1e3 * time_ / processed_ : 0.0);
   status.addf("Processing, longest (ms)", "%.3f", 1e3 * longest_);
-  last_diagnostics_ = now;
-  received_scans_ = received_clouds_ = processed_ = drops_ = 0;
-  valid_before_ = counts_.valid;
-  time_ = longest_ = 0.0;
 }
 
 }  // namespace laser_intensity_calib

@@ -29,7 +29,8 @@ class Parameters {
   explicit Parameters(XmlRpc::XmlRpcValue all);
 
   /// The parameter's value, or `fallback` where it isn't set.
-  /// @tparam T bool, int, double (an integer will do) or std::string
+  /// @tparam T bool, int, double or std::string; an integer will do for the last two, as roslaunch takes
+  ///   every number for one
   /// @throws std::invalid_argument that names the parameter, its value and what is expected
   template <class T>
   T get(const std::string& name, const T& fallback);

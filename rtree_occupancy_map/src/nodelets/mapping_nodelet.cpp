@@ -2,23 +2,19 @@
 //
 // Builds an occupancy map from point clouds and laser scans. Everything but the reception of transforms
 // happens in the nodelet's single-threaded callback queue, so that nothing here needs a lock.
-#include <diagnostic_updater/diagnostic_updater.h>
-#include <dynamic_reconfigure/server.h>
+#include <mapping_common/nodelet.h>
+#include <mapping_common/transform_queue.h>
 #include <mapping_msgs/LoadMap.h>
 #include <mapping_msgs/SaveMap.h>
-#include <nodelet/nodelet.h>
 #include <rtree_occupancy_map/BoundingBoxQuery.h>
 #include <rtree_occupancy_map/CastRay.h>
 #include <rtree_occupancy_map/CellsInBox.h>
 #include <rtree_occupancy_map/MappingConfig.h>
 #include <std_srvs/Empty.h>
 #include <tf2_eigen/tf2_eigen.h>
-#include <tf2_ros/buffer.h>
-#include <tf2_ros/message_filter.h>
 #include <tf2_ros/transform_listener.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <memory>
 #include <pluginlib/class_list_macros.hpp>
@@ -36,28 +32,26 @@
 namespace rtree_occupancy_map {
 namespace {
 
-// Why a message was dropped.
-enum Reason { kNoTransform, kMalformed, kEmpty, kTimeJump, kNumReasons };
-constexpr std::array<const char*, kNumReasons> kReasons = {"no transform", "malformed", "empty", "time jump"};
+// Why a message was dropped: the order of the names given to drops_.
+enum Reason { kNoTransform, kMalformed, kEmpty, kTimeJump };
 
 // Stamps of one topic may be out of order by this much before time is said to have jumped back.
 const ros::Duration kOutOfOrder(1.0);
 
 constexpr std::uint32_t kDisplayLevel = 1;  // see Mapping.cfg
 
-// One input topic: its messages wait in the filter until their transform is known.
+// One input topic.
 template <class Message>
 struct Input {
   ros::Subscriber subscriber;
-  std::unique_ptr<tf2_ros::MessageFilter<Message>> filter;
+  std::unique_ptr<mapping_common::TransformQueue<Message>> queue;
   ros::Time last_stamp;
   std::size_t received = 0;  // since the last diagnostics
-  std::size_t waiting = 0;
 };
 
 // What happened since the last diagnostics.
 struct Activity {
-  std::size_t insertions = 0, publications = 0, drops = 0;
+  std::size_t insertions = 0, publications = 0;
   double insertion_time = 0.0, longest_insertion = 0.0;  // s
   double publication_time = 0.0;
 };
@@ -69,21 +63,14 @@ bool isEmpty(const sensor_msgs::LaserScan& scan) {
   return scan.ranges.empty();
 }
 
-void requireAbsolute(const std::string& path) {
-  if (path.empty() || path[0] != '/') {
-    throw std::invalid_argument("path is '" + path + "', allowed is an absolute path");
-  }
-}
-
 }  // namespace
 
-class MappingNodelet : public nodelet::Nodelet {
+class MappingNodelet : public mapping_common::Nodelet {
  public:
   ~MappingNodelet() override;
 
  private:
-  void onInit() override;
-  void start();
+  void start(mapping_common::Parameters& reader) override;
   template <class Message>
   void listen(Input<Message>& input, const std::string& topic, const MappingParameters& parameters);
 
@@ -103,11 +90,11 @@ class MappingNodelet : public nodelet::Nodelet {
   bool isBox(const geometry_msgs::Point& min, const geometry_msgs::Point& max) const;
 
   std::string load(const std::string& path);
-  void reconfigure(MappingConfig& config, std::uint32_t level);
+  void reconfigure(const MappingConfig& config, std::uint32_t level);
   void publish();
-  void diagnose();
-  void diagnoseInput(diagnostic_updater::DiagnosticStatusWrapper& status);
-  void diagnoseMap(diagnostic_updater::DiagnosticStatusWrapper& status);
+  void report() override;
+  void diagnoseInput(StatusWrapper& status);
+  void diagnoseMap(StatusWrapper& status);
 
   OccupancyMap map_;
   std::unique_ptr<MapPublisher> publisher_;
@@ -120,15 +107,11 @@ class MappingNodelet : public nodelet::Nodelet {
   std::unique_ptr<tf2_ros::TransformListener> tf_listener_;  // gone before the filters that it feeds
 
   std::vector<ros::ServiceServer> services_;
-  ros::WallTimer publish_timer_, diagnostics_timer_;
-  boost::recursive_mutex reconfigure_mutex_;
-  std::unique_ptr<dynamic_reconfigure::Server<MappingConfig>> reconfigure_server_;
+  ros::WallTimer publish_timer_;
   MappingConfig config_;
 
-  std::unique_ptr<diagnostic_updater::Updater> diagnostics_;
-  ros::WallTime last_diagnostics_;
   Activity activity_;
-  std::array<std::size_t, kNumReasons> dropped_{};
+  mapping_common::DropCounts drops_{{"no transform", "malformed", "empty", "time jump"}};
   InsertReport points_;  // sums over all scans
   std::size_t inserted_ = 0, points_outside_z_ = 0, points_below_minimum_ = 0;
 };
@@ -143,23 +126,11 @@ MappingNodelet::~MappingNodelet() {
   }
 }
 
-void MappingNodelet::onInit() {
-  try {
-    start();
-  } catch (const std::exception& e) {
-    NODELET_FATAL_STREAM("Not started: " << e.what());
-    throw;  // the manager then reports that the nodelet could not be loaded
-  }
-}
-
-void MappingNodelet::start() {
+void MappingNodelet::start(mapping_common::Parameters& reader) {
   ros::NodeHandle& node = getNodeHandle();
   ros::NodeHandle& private_node = getPrivateNodeHandle();
-  XmlRpc::XmlRpcValue values;
-  private_node.getParam(private_node.getNamespace(), values);
-  mapping_common::Parameters reader(values);
   const MappingParameters parameters = readMappingParameters(reader);
-  reader.rejectUnknown({"reconfigure/"});
+  rejectUnknown(reader);
 
   frame_id_ = parameters.display.frame_id;
   scan_limits_ = parameters.scan;
@@ -178,14 +149,9 @@ void MappingNodelet::start() {
   // Wall time: what a bag brought is shown and reported while it is paused, too.
   publish_timer_ = node.createWallTimer(ros::WallDuration(1.0 / parameters.publish_rate),
                                         [this](const ros::WallTimerEvent&) { publish(); });
-  reconfigure_server_ = std::make_unique<dynamic_reconfigure::Server<MappingConfig>>(
-      reconfigure_mutex_, ros::NodeHandle(private_node, "reconfigure"));
-  reconfigure_server_->updateConfig(config_);
-  reconfigure_server_->setCallback(
-      [this](MappingConfig& config, std::uint32_t level) { reconfigure(config, level); });
+  allowReconfiguration<MappingConfig>(
+      config_, [this](const MappingConfig& config, std::uint32_t level) { reconfigure(config, level); });
 
-  // In the queue of the scans: tf2_ros::MessageFilter forgets a message whose transform comes from another
-  // thread in the very moment in which it is added.
   tf_listener_ = std::make_unique<tf2_ros::TransformListener>(tf_buffer_, node, false);
   listen(clouds_, "cloud_in", parameters);
   listen(scans_, "scan", parameters);
@@ -196,13 +162,8 @@ void MappingNodelet::start() {
                private_node.advertiseService("cells_in_box", &MappingNodelet::cellsInBox, this),
                private_node.advertiseService("cast_ray", &MappingNodelet::castRay, this)};
 
-  diagnostics_ = std::make_unique<diagnostic_updater::Updater>(node, private_node, getName());
-  diagnostics_->setHardwareID("none");
-  diagnostics_->add("Input", this, &MappingNodelet::diagnoseInput);
-  diagnostics_->add("Map", this, &MappingNodelet::diagnoseMap);
-  last_diagnostics_ = ros::WallTime::now();
-  diagnostics_timer_ =
-      node.createWallTimer(ros::WallDuration(1.0), [this](const ros::WallTimerEvent&) { diagnose(); });
+  startDiagnostics("none", {{"Input", [this](StatusWrapper& status) { diagnoseInput(status); }},
+                            {"Map", [this](StatusWrapper& status) { diagnoseMap(status); }}});
   save_on_shutdown_ = parameters.save_on_shutdown;
 }
 
@@ -212,25 +173,13 @@ void MappingNodelet::start() {
 template <class Message>
 void MappingNodelet::listen(Input<Message>& input, const std::string& topic,
                             const MappingParameters& parameters) {
+  input.queue = std::make_unique<mapping_common::TransformQueue<Message>>(
+      tf_buffer_, std::vector<std::string>{frame_id_}, parameters.queue_size, parameters.transform_tolerance,
+      getNodeHandle(), [this](const Message& message) { insert(message); },
+      [this](const Message& message, const std::string& why) {
+        drop(message.header.frame_id.empty() ? kMalformed : kNoTransform, why);
+      });
   using Pointer = boost::shared_ptr<const Message>;
-  input.filter = std::make_unique<tf2_ros::MessageFilter<Message>>(tf_buffer_, frame_id_,
-                                                                   parameters.queue_size, getNodeHandle());
-  input.filter->setTolerance(ros::Duration(parameters.transform_tolerance));
-  input.filter->registerCallback([this, &input](const Pointer& message) {
-    --input.waiting;
-    insert(*message);
-  });
-  input.filter->registerFailureCallback([this, &input](const Pointer& message, tf2_ros::FilterFailureReason) {
-    --input.waiting;
-    const std_msgs::Header& header = message->header;
-    std::string why = "it stayed in the queue for too long";
-    if (header.frame_id.empty()) {
-      drop(kMalformed, "it has no frame_id");
-    } else {
-      tf_buffer_.canTransform(frame_id_, header.frame_id, header.stamp, ros::Duration(0.0), &why);
-      drop(kNoTransform, why);
-    }
-  });
   input.subscriber = getNodeHandle().subscribe<Message>(
       topic, parameters.queue_size, [this, &input](const Pointer& message) { arrived(input, message); });
 }
@@ -247,8 +196,7 @@ void MappingNodelet::arrived(Input<Message>& input, const boost::shared_ptr<cons
     drop(kEmpty, "nothing was measured in it");
     return;
   }
-  ++input.waiting;
-  input.filter->add(message);
+  input.queue->add(message);
 }
 
 // Transforms and waiting messages are of another time now; the map stays.
@@ -256,10 +204,7 @@ void MappingNodelet::timeJumpedBack(const ros::Duration& by) {
   NODELET_WARN_STREAM("Time jumped back by " << by << " s: transforms are forgotten, the map goes on");
   // With simulated time the listener has done so already, and may have heard of new ones since.
   if (!ros::Time::isSimTime()) tf_buffer_.clear();
-  const std::size_t waiting = clouds_.waiting + scans_.waiting;
-  clouds_.filter->clear();
-  scans_.filter->clear();
-  clouds_.waiting = scans_.waiting = 0;
+  const std::size_t waiting = clouds_.queue->clear() + scans_.queue->clear();
   clouds_.last_stamp = scans_.last_stamp = ros::Time();
   if (waiting > 0) drop(kTimeJump, "it waited for a transform", waiting);
 }
@@ -293,12 +238,9 @@ void MappingNodelet::insert(const Message& message) {
 }
 
 void MappingNodelet::drop(Reason reason, const std::string& why, std::size_t count) {
-  dropped_[reason] += count;
-  activity_.drops += count;
-  std::ostringstream counts;
-  for (int r = 0; r < kNumReasons; ++r) counts << (r > 0 ? ", " : "") << dropped_[r] << ' ' << kReasons[r];
+  drops_.add(reason, count);
   NODELET_WARN_STREAM_THROTTLE(
-      5.0, "Dropped a message (" << kReasons[reason] << "): " << why << ". So far: " << counts.str());
+      5.0, "Dropped a message (" << drops_.name(reason) << "): " << why << ". So far: " << drops_.text());
 }
 
 // -----------------------------------------------------------------------------------------------------
@@ -306,27 +248,20 @@ void MappingNodelet::drop(Reason reason, const std::string& why, std::size_t cou
 
 bool MappingNodelet::saveMap(mapping_msgs::SaveMap::Request& request,
                              mapping_msgs::SaveMap::Response& response) {
-  try {
-    requireAbsolute(request.path);
+  mapping_common::answer(request.path, response, [&] {
     map_.save(request.path);
-    response.success = true;
-    response.message = "Wrote " + std::to_string(map_.tree().size()) + " cells to " + request.path;
-  } catch (const std::exception& e) {
-    response.message = e.what();
-  }
+    return "Wrote " + std::to_string(map_.tree().size()) + " cells to " + request.path;
+  });
   return true;
 }
 
 bool MappingNodelet::loadMap(mapping_msgs::LoadMap::Request& request,
                              mapping_msgs::LoadMap::Response& response) {
-  try {
-    requireAbsolute(request.path);
-    response.message = load(request.path);
-    response.success = true;
+  mapping_common::answer(request.path, response, [&] {
+    const std::string text = load(request.path);
     publisher_->restart();
-  } catch (const std::exception& e) {
-    response.message = e.what();
-  }
+    return text;
+  });
   return true;
 }
 
@@ -396,21 +331,16 @@ bool MappingNodelet::isBox(const geometry_msgs::Point& min, const geometry_msgs:
 
 // --------------------------------------------------------------------------------------------- while it runs
 
-void MappingNodelet::reconfigure(MappingConfig& config, std::uint32_t level) {
-  try {
-    DisplayOptions display = publisher_->options();
-    display.color = {parseColorMode(config.color_mode), config.color_min, config.color_max};
-    display.occupancy_min_z = config.occupancy_min_z;
-    display.occupancy_max_z = config.occupancy_max_z;
-    display.validate();
-    map_.setRange(config.min_range, maxRange(config.max_range));
-    if ((level & kDisplayLevel) != 0) publisher_->setOptions(display);
-    publish_timer_.setPeriod(ros::WallDuration(1.0 / config.publish_rate));
-    config_ = config;
-  } catch (const std::invalid_argument& e) {
-    NODELET_ERROR_STREAM("Reconfiguration rejected: " << e.what());
-    config = config_;
-  }
+void MappingNodelet::reconfigure(const MappingConfig& config, std::uint32_t level) {
+  DisplayOptions display = publisher_->options();
+  display.color = {parseColorMode(config.color_mode), config.color_min, config.color_max};
+  display.occupancy_min_z = config.occupancy_min_z;
+  display.occupancy_max_z = config.occupancy_max_z;
+  display.validate();
+  map_.setRange(config.min_range, maxRange(config.max_range));
+  if ((level & kDisplayLevel) != 0) publisher_->setOptions(display);
+  publish_timer_.setPeriod(ros::WallDuration(1.0 / config.publish_rate));
+  config_ = config;
 }
 
 void MappingNodelet::publish() {
@@ -420,19 +350,19 @@ void MappingNodelet::publish() {
   activity_.publication_time += (ros::WallTime::now() - start).toSec();
 }
 
-void MappingNodelet::diagnose() {
-  diagnostics_->force_update();
-  last_diagnostics_ = ros::WallTime::now();
+void MappingNodelet::report() {
+  Nodelet::report();
+  drops_.endReport();
   clouds_.received = scans_.received = 0;
   activity_ = {};
 }
 
-void MappingNodelet::diagnoseInput(diagnostic_updater::DiagnosticStatusWrapper& status) {
+void MappingNodelet::diagnoseInput(StatusWrapper& status) {
   using diagnostic_msgs::DiagnosticStatus;
-  const double seconds = std::max(1e-3, (ros::WallTime::now() - last_diagnostics_).toSec());
-  const std::size_t waiting = clouds_.waiting + scans_.waiting;
-  if (activity_.drops > 0) {
-    status.summaryf(DiagnosticStatus::WARN, "%zu messages dropped", activity_.drops);
+  const double seconds = reportedTime();
+  const std::size_t waiting = clouds_.queue->waiting() + scans_.queue->waiting();
+  if (drops_.recent() > 0) {
+    status.summaryf(DiagnosticStatus::WARN, "%zu messages dropped", drops_.recent());
   } else if (activity_.insertions == 0 && waiting > 0) {
     status.summaryf(DiagnosticStatus::WARN, "%zu messages wait for a transform to %s", waiting,
                     frame_id_.c_str());
@@ -443,7 +373,7 @@ void MappingNodelet::diagnoseInput(diagnostic_updater::DiagnosticStatusWrapper& 
   status.addf("Scans (Hz)", "%.1f", static_cast<double>(scans_.received) / seconds);
   status.add("Inserted", inserted_);
   status.add("Waiting for a transform", waiting);
-  for (int r = 0; r < kNumReasons; ++r) status.add(std::string("Dropped: ") + kReasons[r], dropped_[r]);
+  drops_.addTo(status, "Dropped");
   status.add("Points mapped", points_.hits);
   status.add("Points left out: not finite", points_.non_finite);
   status.add("Points left out: too near", points_.too_near);
@@ -452,7 +382,7 @@ void MappingNodelet::diagnoseInput(diagnostic_updater::DiagnosticStatusWrapper& 
   status.add("Points cut at max_range", points_.beyond_range);
 }
 
-void MappingNodelet::diagnoseMap(diagnostic_updater::DiagnosticStatusWrapper& status) {
+void MappingNodelet::diagnoseMap(StatusWrapper& status) {
   const auto milliseconds = [](double sum, std::size_t count) { return count > 0 ? 1e3 * sum / count : 0.0; };
   status.summaryf(diagnostic_msgs::DiagnosticStatus::OK, "%zu cells", map_.tree().size());
   status.add("Cells", map_.tree().size());

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <intensity_hector_slam/key_poses.h>
+#include <intensity_hector_slam/ros/parameters.h>
+#include <nav_msgs/OccupancyGrid.h>
+#include <nav_msgs/Path.h>
+#include <ros/ros.h>
+#include <tf2_ros/transform_broadcaster.h>
+
+#include <optional>
+
+namespace intensity_hector_slam {
+
+/// Publishes poses, transforms, key poses with their edges, and maps, on hector_mapping's topics.
+class SlamPublisher {
+ public:
+  SlamPublisher(ros::NodeHandle& node, const SlamParameters& parameters);
+
+  /// The pose with its covariance, and the next key pose where it is one.
+  void publishPose(const ros::Time& stamp, const SlamResult& result);
+  /// @param odometry pose of the body in the odometry's frame, if known
+  void publishTransforms(const ros::Time& stamp, const Pose& pose, const std::optional<Pose>& odometry);
+  /// Occupancy and reflectivity of the finest level, unless they were published as they are.
+  void publishMaps(const ros::Time& stamp, const MultiMap& map);
+  nav_msgs::OccupancyGrid occupancyGrid(const ros::Time& stamp, const MultiMap& map) const;
+
+  /// Key poses so far don't connect to those that follow, and the map is another.
+  void restart();
+  /// The key pose at that time, or the last before; none where there is no key pose.
+  std::optional<Pose> keyPoseAt(const ros::Time& stamp) const;
+
+ private:
+  void publishKeyPose(const ros::Time& stamp, const SlamResult& result);
+  nav_msgs::OccupancyGrid stamped(const ros::Time& stamp, nav_msgs::OccupancyGrid grid) const;
+
+  SlamParameters parameters_;
+  KeyPoses key_poses_;
+  nav_msgs::Path path_;                           // of the key poses
+  std::optional<std::size_t> published_updates_;  // of the map, when it was last published
+
+  tf2_ros::TransformBroadcaster broadcaster_;
+  ros::Publisher map_publisher_, metadata_publisher_, reflectivity_publisher_, pose_publisher_,
+      update_publisher_, odometry_publisher_, path_publisher_, edge_publisher_;
+};
+
+}  // namespace intensity_hector_slam

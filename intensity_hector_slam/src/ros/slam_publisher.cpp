@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "intensity_hector_slam/ros/slam_publisher.h"
+
+#include <geometry_msgs/PoseStamped.h>
+#include <geometry_msgs/PoseWithCovarianceStamped.h>
+#include <nav_msgs/Odometry.h>
+#include <tf2_eigen/tf2_eigen.h>
+
+#include <algorithm>
+#include <array>
+#include <string>
+#include <utility>
+
+#include "intensity_hector_slam/ros/map_conversion.h"
+
+namespace intensity_hector_slam {
+
+SlamPublisher::SlamPublisher(ros::NodeHandle& node, const SlamParameters& parameters)
+    : parameters_(parameters), key_poses_(parameters.key_pose_distance, parameters.key_pose_angle) {
+  path_.header.frame_id = parameters_.map_frame;
+  map_publisher_ = node.advertise<nav_msgs::OccupancyGrid>("map", 1, true);
+  metadata_publisher_ = node.advertise<nav_msgs::MapMetaData>("map_metadata", 1, true);
+  reflectivity_publisher_ = node.advertise<nav_msgs::OccupancyGrid>("reflectivity_map", 1, true);
+  pose_publisher_ = node.advertise<geometry_msgs::PoseStamped>("slam_out_pose", 10);
+  update_publisher_ =
+      node.advertise<geometry_msgs::PoseWithCovarianceStamped>(parameters_.pose_update_topic, 10);
+  if (parameters_.pub_odometry)
+    odometry_publisher_ = node.advertise<nav_msgs::Odometry>("scanmatch_odom", 50);
+  path_publisher_ = node.advertise<nav_msgs::Path>("path", 1, true);
+  edge_publisher_ = node.advertise<mapping_msgs::EdgeConstraint>("edges", 100);
+}
+
+void SlamPublisher::publishPose(const ros::Time& stamp, const SlamResult& result) {
+  geometry_msgs::PoseWithCovarianceStamped update;
+  update.header.stamp = stamp;
+  update.header.frame_id = parameters_.map_frame;
+  update.pose.pose = toMessage(result.pose);
+  constexpr std::array<int, 3> kRows = {0, 1, 5};  // x, y, yaw
+  for (int row = 0; row < 3; ++row) {
+    for (int column = 0; column < 3; ++column) {
+      update.pose.covariance[6 * kRows[row] + kRows[column]] = result.covariance(row, column);
+    }
+  }
+  update_publisher_.publish(update);
+  geometry_msgs::PoseStamped pose;
+  pose.header = update.header;
+  pose.pose = update.pose.pose;
+  pose_publisher_.publish(pose);
+  if (parameters_.pub_odometry) {
+    nav_msgs::Odometry odometry;
+    odometry.header = update.header;
+    odometry.child_frame_id = parameters_.base_frame;
+    odometry.pose = update.pose;
+    odometry_publisher_.publish(odometry);
+  }
+  publishKeyPose(stamp, result);
+}
+
+void SlamPublisher::publishKeyPose(const ros::Time& stamp, const SlamResult& result) {
+  const auto edge = key_poses_.add(stamp.toSec(), result);
+  if (!edge && !path_.poses.empty()) return;
+  geometry_msgs::PoseStamped pose;
+  pose.header.stamp = stamp;
+  pose.header.frame_id = parameters_.map_frame;
+  pose.pose = toMessage(result.pose);
+  path_.header.stamp = stamp;
+  path_.poses.push_back(pose);
+  if (path_publisher_.getNumSubscribers() > 0) path_publisher_.publish(path_);
+  if (edge) edge_publisher_.publish(toMessage(*edge, parameters_.map_frame, parameters_.base_frame));
+}
+
+void SlamPublisher::publishTransforms(const ros::Time& stamp, const Pose& pose,
+                                      const std::optional<Pose>& odometry) {
+  const auto send = [&](const Pose& transform, const std::string& child) {
+    geometry_msgs::TransformStamped message = tf2::eigenToTransform(toIsometry(transform));
+    message.header.stamp = stamp;
+    message.header.frame_id = parameters_.map_frame;
+    message.child_frame_id = child;
+    broadcaster_.sendTransform(message);
+  };
+  if (parameters_.pub_map_odom_transform && odometry) {
+    send(compose(pose, between(*odometry, Pose::Zero())), parameters_.odom_frame);
+  }
+  if (parameters_.pub_map_scanmatch_transform) send(pose, parameters_.tf_map_scanmatch_transform_frame_name);
+}
+
+void SlamPublisher::publishMaps(const ros::Time& stamp, const MultiMap& map) {
+  if (published_updates_ == map.updates()) return;
+  published_updates_ = map.updates();
+  const nav_msgs::OccupancyGrid occupancy = occupancyGrid(stamp, map);
+  map_publisher_.publish(occupancy);
+  metadata_publisher_.publish(occupancy.info);
+  reflectivity_publisher_.publish(stamped(stamp, toReflectivityGrid(map.level(0))));
+}
+
+nav_msgs::OccupancyGrid SlamPublisher::occupancyGrid(const ros::Time& stamp, const MultiMap& map) const {
+  return stamped(stamp, toOccupancyGrid(map.level(0)));
+}
+
+nav_msgs::OccupancyGrid SlamPublisher::stamped(const ros::Time& stamp, nav_msgs::OccupancyGrid grid) const {
+  grid.header.stamp = stamp;
+  grid.header.frame_id = parameters_.map_frame;
+  grid.info.map_load_time = stamp;
+  return grid;
+}
+
+void SlamPublisher::restart() {
+  key_poses_.breakChain();
+  path_.poses.clear();
+  published_updates_.reset();
+}
+
+std::optional<Pose> SlamPublisher::keyPoseAt(const ros::Time& stamp) const {
+  if (path_.poses.empty()) return std::nullopt;
+  const auto then =
+      std::lower_bound(path_.poses.begin(), path_.poses.end(), stamp,
+                       [](const auto& pose, const ros::Time& time) { return pose.header.stamp < time; });
+  return toPose((then != path_.poses.end() ? *then : path_.poses.back()).pose);
+}
+
+}  // namespace intensity_hector_slam
