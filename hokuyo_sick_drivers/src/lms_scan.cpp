@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 namespace hokuyo_sick_drivers::lms {
 namespace {
@@ -12,9 +13,9 @@ constexpr double kTurn = 1.0 / kTurnsPerSecond;  // s
 constexpr double kRadians = M_PI / 180.0;
 constexpr int kLargerThanMaximum = 8;  // of the overflow codes, counted down from the greatest value
 constexpr int kIndices = 256;
-// The clock starts anew if the mirror isn't where it should be by this much, for so many scans in a row.
-constexpr double kFarOff = 0.25;  // s
-constexpr int kFarOffScans = 10;
+// The clock starts anew if the mirror is late by this much, for so many scans in a row.
+constexpr double kLate = 0.25;  // s
+constexpr int kLateScans = 10;
 constexpr Nanoseconds kWindow = 60 * kSecond;  // of scans that tell how fast the mirror turns
 
 [[noreturn]] void rejectVariant(const char* what) {
@@ -26,6 +27,9 @@ double seconds(Nanoseconds time) {
 }
 Nanoseconds nanoseconds(double seconds) {
   return std::llround(seconds * kSecond);
+}
+Nanoseconds mirrorTime(std::int64_t turn) {
+  return nanoseconds(static_cast<double>(turn) * kTurn);
 }
 
 }  // namespace
@@ -91,7 +95,7 @@ MirrorClock::MirrorClock() {
 void MirrorClock::restart() {
   clock_.restart(0);
   turn_ = 0;
-  far_off_ = 0;
+  late_ = 0;
 }
 
 // Turns of the mirror since the last scan, 0 if there was none to compare with.
@@ -104,33 +108,40 @@ int MirrorClock::turnsSince(std::optional<std::uint8_t> index, Nanoseconds start
     return turns + kIndices * static_cast<int>(std::max(0.0, std::round((expected - turns) / kIndices)));
   }
   // Late telegrams are no lost ones, unless they are later than most of a turn.
-  constexpr double kLate = 0.75;
+  constexpr double kLateTurns = 0.75;
   const double since_last = seconds(start - *last_start_) / (step * kTurn);
   const double since_stamp = seconds(start - last_stamp_) / (step * kTurn);
-  const double scans = std::min({std::round(since_last), std::floor(since_stamp + 1.0 - kLate), 1e6});
+  const double scans = std::min({std::round(since_last), std::floor(since_stamp + 1.0 - kLateTurns), 1e6});
   return step * std::max(1, static_cast<int>(scans));
 }
 
-MirrorClock::Time MirrorClock::add(std::optional<std::uint8_t> index, Nanoseconds start, int step) {
+// The checksum lets one of 65536 damaged telegrams pass, and a wrong index would spoil the stamps of many
+// scans: the mirror can't be ahead of its time by most of a turn, nor stand still.
+std::optional<MirrorClock::Time> MirrorClock::add(std::optional<std::uint8_t> index, Nanoseconds start,
+                                                  int step) {
   const int turns = turnsSince(index, start, step);
-  if (turns == 0 || start - *last_start_ > kWindow / 2) restart();
-  turn_ += turns;
-  const Nanoseconds mirror = nanoseconds(static_cast<double>(turn_) * kTurn);
-  clock_.addArrival(mirror, start);
-  Nanoseconds stamp = clock_.toHost(mirror);
-  // Turns were counted that never were, or the mirror isn't where it should be, again and again.
-  const double late = seconds(start - stamp);
-  far_off_ = std::abs(late) > kFarOff ? far_off_ + 1 : 0;
-  if (far_off_ >= kFarOffScans || (!index && late < -kTurn / 2.0)) {
-    restart();
-    clock_.addArrival(0, start);
-    stamp = clock_.toHost(0);
+  bool follows =
+      last_start_ && index.has_value() == index_.has_value() && start - *last_start_ <= kWindow / 2;
+  if (follows) {
+    const double late = seconds(start - clock_.estimate(mirrorTime(turn_ + turns)));
+    const bool contradicts = turns == 0 || late < -kTurn / 2.0;
+    if (contradicts && index && !std::exchange(doubted_, true)) return std::nullopt;
+    late_ = late > kLate ? late_ + 1 : 0;
+    follows = !contradicts && late_ < kLateScans;
   }
+  doubted_ = false;
+  if (follows) {
+    turn_ += turns;
+  } else {
+    restart();
+  }
+  clock_.addArrival(mirrorTime(turn_), start);
+  Nanoseconds stamp = clock_.toHost(mirrorTime(turn_));
   if (last_start_) stamp = std::max(stamp, last_stamp_ + 1);
   index_ = index;
   last_start_ = start;
   last_stamp_ = stamp;
-  return {stamp, turns};
+  return Time{stamp, turns};
 }
 
 // --------------------------------------------------------------------------------------------------------
@@ -156,12 +167,13 @@ Scan ScanDecoder::decode(const Telegram& telegram, Nanoseconds arrival) {
   const double before =
       transferTime(telegram.size(), format_.baud_rate) + (format_.turns() - 1) * kTurn + sector;
   const auto time = clock_.add(values.real_time_index, arrival - nanoseconds(before), format_.turns());
-  scan.stamp = time.stamp;
+  if (!time) throw DecodeError(Defect::kIndex, "the real-time index of a scan contradicts its time");
+  scan.stamp = time->stamp;
   scan.status = telegram.status;
   scan.unit = values.unit;
   scan.real_time_index = values.real_time_index.has_value();
   if (scan.real_time_index) {
-    scan.lost = std::max(1L, std::lround(time.turns / (scan.scan_time * kTurnsPerSecond))) - 1;
+    scan.lost = std::max(1L, std::lround(time->turns / (scan.scan_time * kTurnsPerSecond))) - 1;
   }
   return scan;
 }

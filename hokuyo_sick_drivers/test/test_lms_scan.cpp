@@ -209,17 +209,43 @@ TEST(MirrorClock, CountsTurnsOverSilence) {
     for (; turn < 3000; ++turn) clock.add(turn % 256, time(), 1);
     const int turns = static_cast<int>(silence / kTurn);
     turn += turns - 1;
-    const auto result = clock.add(turn % 256, time() + 3 * kMillisecond, 1);
+    const auto result = *clock.add(turn % 256, time() + 3 * kMillisecond, 1);
     EXPECT_EQ(turns, result.turns);
     EXPECT_NEAR(0.0, 1e-9 * (result.stamp - time()), silence < 30.0 ? 1e-3 : 3.1e-3) << silence;
+  }
+}
+
+// A checksum of 16 bits lets one of 65536 damaged telegrams pass.
+TEST(MirrorClock, AWrongIndexSpoilsNoStamp) {
+  for (int wrong = 1; wrong < 254; wrong += 6) {  // with 254 it isn't ahead, but a scan held up
+    MirrorClock clock;
+    std::int64_t turn = 1000;
+    const auto time = [&] { return static_cast<Nanoseconds>(std::llround(turn * kTurn * 1e9)); };
+    for (; turn < 3000; turn += 2) clock.add(turn % 256, time() + turn % 7 * kMillisecond, 2);
+    EXPECT_FALSE(clock.add((turn + wrong) % 256, time() + kMillisecond, 2)) << wrong;
+    for (turn += 2; turn < 4000; turn += 2) {
+      const auto result = *clock.add(turn % 256, time() + turn % 7 * kMillisecond, 2);
+      ASSERT_NEAR(0.0, 1e-9 * (result.stamp - time()), 1e-3) << wrong;
+    }
+  }
+}
+
+TEST(MirrorClock, BelievesAnIndexTheSecondTime) {
+  MirrorClock clock;
+  Nanoseconds now = kSecond;
+  for (int i = 0; i < 1000; ++i) clock.add(i % 256, now += kSecond / 75, 1);
+  EXPECT_FALSE(clock.add(50, now += kSecond / 75, 1));
+  for (int i = 51; i < 200; ++i) {
+    now += kSecond / 75;
+    EXPECT_NEAR(now, clock.add(i, now, 1)->stamp, 100);
   }
 }
 
 TEST(MirrorClock, StartsAnewWhenTheMirrorTurnsOtherwise) {
   MirrorClock clock;
   Nanoseconds now = kSecond, stamp = 0;
-  for (int i = 0; i < 1000; ++i) stamp = clock.add(i % 256, now += kSecond / 75, 1).stamp;
-  for (int i = 1000; i < 1100; ++i) stamp = clock.add(i % 256, now += kSecond / 40, 1).stamp;
+  for (int i = 0; i < 1000; ++i) stamp = clock.add(i % 256, now += kSecond / 75, 1)->stamp;
+  for (int i = 1000; i < 1100; ++i) stamp = clock.add(i % 256, now += kSecond / 40, 1)->stamp;
   EXPECT_NEAR(0.0, 1e-9 * (stamp - now), 0.3);
 }
 

@@ -96,6 +96,8 @@ class DeviceClock {
   void restart(Nanoseconds delay);
   /// A message with the device's time, in the order of that.
   void addArrival(Nanoseconds device, Nanoseconds received);
+  /// The host's time by the arrivals so far, of which there must be one. For toHost, it may jump.
+  Nanoseconds estimate(Nanoseconds device) const { return device + line_.offsetAt(device) - delay_; }
   /// The host's time, after an arrival; never decreases; makes no jumps, except during the warm-up.
   /// @param device not before the one asked for before
   Nanoseconds toHost(Nanoseconds device);

@@ -74,7 +74,8 @@ class MirrorClock {
   /// @param index turns modulo 256; without, they follow from the time
   /// @param start the start of the scan by when it arrived: too late at times, hardly ever too early
   /// @param step turns that a scan takes
-  Time add(std::optional<std::uint8_t> index, Nanoseconds start, int step);
+  /// @return none if the index contradicts the time; the next one that does will be believed
+  std::optional<Time> add(std::optional<std::uint8_t> index, Nanoseconds start, int step);
 
  private:
   void restart();
@@ -85,7 +86,8 @@ class MirrorClock {
   std::optional<Nanoseconds> last_start_;
   Nanoseconds last_stamp_ = 0;
   std::int64_t turn_ = 0;
-  int far_off_ = 0;  // scans in a row
+  int late_ = 0;  // scans in a row
+  bool doubted_ = false;
 };
 
 /// Makes scans of telegrams, all of one format.

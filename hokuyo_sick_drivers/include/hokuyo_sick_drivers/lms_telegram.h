@@ -96,8 +96,8 @@ class Parser {
 };
 
 /// Why an answer is not what it should be.
-enum class Defect { kSize, kCount, kUnit, kOtherVariant };
-constexpr std::size_t kNumDefects = 4;
+enum class Defect { kSize, kCount, kUnit, kOtherVariant, kIndex };
+constexpr std::size_t kNumDefects = 5;
 
 struct DecodeError : std::runtime_error {
   DecodeError(Defect d, const std::string& what) : std::runtime_error(what), defect(d) {}

@@ -238,7 +238,8 @@ void SickNodelet::diagnose(StatusWrapper& status) {
   const auto dropped = [&](lms::Defect defect) { return report.defects[static_cast<std::size_t>(defect)]; };
   const std::size_t faults = report.line.bad_crc + report.line.bad_length + report.line.cut + report.lost +
                              dropped(lms::Defect::kSize) + dropped(lms::Defect::kCount) +
-                             dropped(lms::Defect::kUnit) + dropped(lms::Defect::kOtherVariant);
+                             dropped(lms::Defect::kUnit) + dropped(lms::Defect::kOtherVariant) +
+                             dropped(lms::Defect::kIndex);
   const bool streaming = report.phase == Phase::kStreaming;
   if (!port_problem_.empty()) {
     status.summary(DiagnosticStatus::ERROR, "Not connected: " + port_problem_);
@@ -284,6 +285,7 @@ void SickNodelet::diagnose(StatusWrapper& status) {
   status.add("Dropped: number of values", dropped(lms::Defect::kCount));
   status.add("Dropped: unit", dropped(lms::Defect::kUnit));
   status.add("Dropped: other variant", dropped(lms::Defect::kOtherVariant));
+  status.add("Dropped: real-time index", dropped(lms::Defect::kIndex));
   status.add("Unexpected telegrams", report.unexpected);
   status.add("Commands repeated", report.repeated);
   status.add("Commands refused", report.refused);
