@@ -57,6 +57,7 @@ std::string toYaml(const Calibration& c) {
         << YAML::Value << r.covered << YAML::EndMap;
   }
   out << YAML::EndMap << YAML::Key << "raw" << YAML::Value << c.raw;
+  if (!c.offsets.empty()) out << YAML::Key << "offsets" << YAML::Value << YAML::Flow << c.offsets;
   if (c.has(ModelType::kRange)) {
     out << YAML::Key << "polynomial" << YAML::Value << YAML::BeginMap;
     emit(out, "range", c.polynomial.range());
@@ -141,6 +142,9 @@ Calibration fromYaml(const YAML::Node& node) {
   }
   c.raw = get<double>(node, "raw");
   if (!(c.raw > 0.0) || !std::isfinite(c.raw)) throw std::runtime_error("its raw intensity isn't positive");
+  if (node["offsets"]) c.offsets = get<std::vector<float>>(node, "offsets");
+  for (const float offset : c.offsets)
+    if (std::isinf(offset)) throw std::runtime_error("its offsets aren't finite");
   if (node["polynomial"]) {
     const auto p = get<YAML::Node>(node, "polynomial");
     c.polynomial = RangePolynomial(readInterval(p, "range"), get<std::vector<double>>(p, "coefficients"));

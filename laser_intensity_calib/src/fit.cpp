@@ -27,10 +27,21 @@ double medianOf(std::vector<float>& values) {
   return *middle;
 }
 
-std::vector<Sample> usable(const std::vector<Sample>& samples) {
+// The usable samples, less the offsets of their lasers.
+std::vector<Sample> withoutOffsets(const std::vector<float>& offsets, const std::vector<Sample>& samples) {
+  Calibration c;
+  c.offsets = offsets;
   std::vector<Sample> kept;
-  std::copy_if(samples.begin(), samples.end(), std::back_inserter(kept), isUsable);
+  for (Sample s : samples) {
+    s.intensity = c.withoutOffset(s.intensity, s.laser);
+    if (isUsable(s)) kept.push_back(s);
+  }
   return kept;
+}
+
+std::pair<int, int> cellOf(const Sample& s, const FitOptions& options) {
+  return {static_cast<int>(s.range / options.range_cell),
+          static_cast<int>(s.incidence / options.incidence_cell)};
 }
 
 // Neighbouring scans show much the same, so that folds are made of runs of them.
@@ -186,9 +197,7 @@ std::vector<Cell> sumUp(const std::vector<Sample>& samples, const FitOptions& op
   std::map<std::pair<int, int>, std::vector<const Sample*>> members;
   for (const Sample& s : samples) {
     if (!isUsable(s)) continue;
-    members[{static_cast<int>(s.range / options.range_cell),
-             static_cast<int>(s.incidence / options.incidence_cell)}]
-        .push_back(&s);
+    members[cellOf(s, options)].push_back(&s);
   }
   std::vector<Cell> cells;
   for (const auto& [key, list] : members) {
@@ -273,16 +282,66 @@ LookupTable fitTable(const std::vector<Cell>& cells, const FitOptions& options) 
   return LookupTable(range, incidence, values);
 }
 
+std::vector<float> fitOffsets(const std::vector<Sample>& samples, const FitOptions& options) {
+  options.validate();
+  std::map<std::pair<int, int>, std::vector<const Sample*>> cells;
+  std::map<int, std::size_t> counts;
+  for (const Sample& s : samples) {
+    if (!isUsable(s)) continue;
+    if (s.laser < 0) throw std::invalid_argument("a laser has the number " + std::to_string(s.laser));
+    cells[cellOf(s, options)].push_back(&s);
+    ++counts[s.laser];
+  }
+  if (counts.size() < 2) {
+    throw std::invalid_argument("the samples are of one laser: offsets need a cloud with the field ring");
+  }
+  // Least squares, in turns: the level of each cell, then the offset of each laser. Means, as medians of two
+  // kinds of lasers would jump from one to the other.
+  std::vector<double> offsets(counts.rbegin()->first + 1, 0.0);
+  constexpr int kTurns = 30;
+  for (int turn = 0; turn < kTurns; ++turn) {
+    std::vector<double> residuals(offsets.size(), 0.0), weights(offsets.size(), 0.0);
+    for (const auto& [key, members] : cells) {
+      double level = 0.0;
+      for (const Sample* s : members)
+        level += (s->intensity - offsets[s->laser]) / static_cast<double>(members.size());
+      for (const Sample* s : members) {
+        residuals[s->laser] += s->intensity - level;
+        weights[s->laser] += 1.0;
+      }
+    }
+    for (std::size_t laser = 0; laser < offsets.size(); ++laser) {
+      if (weights[laser] > 0.0) offsets[laser] = residuals[laser] / weights[laser];
+    }
+  }
+  double sum = 0.0;
+  int known = 0;
+  for (std::size_t laser = 0; laser < offsets.size(); ++laser) {
+    if (counts[static_cast<int>(laser)] < 10U * options.min_samples) {
+      offsets[laser] = kNan;
+    } else {
+      sum += offsets[laser];
+      ++known;
+    }
+  }
+  std::vector<float> result;
+  for (const double offset : offsets) result.push_back(static_cast<float>(offset - sum / known));
+  return result;
+}
+
 Calibration calibrate(const std::vector<Sample>& all, const FitOptions& options,
                       std::vector<std::string>* problems, const std::function<void(double)>& progress) {
   options.validate();
-  const std::vector<Sample> samples = usable(all);
+  std::vector<float> offsets;  // few against the samples, so that cross-validation needn't fit them anew
+  if (options.offsets) offsets = fitOffsets(all, options);
+  const std::vector<Sample> samples = withoutOffsets(offsets, all);
   const Folds folds(samples, options.folds);
   if (folds.count() < 2) {
     throw std::invalid_argument("samples of " + std::to_string(folds.scans()) +
                                 " scans, cross-validation needs those of two at least");
   }
   Calibration c;
+  c.offsets = offsets;
   c.samples = samples.size();
   c.scans = folds.scans();
   const auto spanOf = [&samples](float Sample::*member) {
@@ -319,7 +378,7 @@ Calibration calibrate(const std::vector<Sample>& all, const FitOptions& options,
 
 Residuals residualsOf(const Calibration& calibration, ModelType type, const std::vector<Sample>& samples) {
   ErrorSum errors;
-  errors.add(calibration, type, usable(samples));
+  errors.add(calibration, type, withoutOffsets(calibration.offsets, samples));
   return errors.residuals();
 }
 

@@ -147,6 +147,24 @@ bool Calibration::has(ModelType type) const {
   return type == ModelType::kRaw || (type == ModelType::kRange ? !polynomial.empty() : !table.empty());
 }
 
+float Calibration::withoutOffset(float intensity, int laser) const {
+  if (offsets.empty()) return intensity;
+  if (laser < 0 || laser >= static_cast<int>(offsets.size()) || !(intensity > 0.0F)) return kNan;
+  return std::isnan(offsets[laser]) ? kNan : std::max(0.0F, intensity - offsets[laser]);
+}
+
+Eigen::ArrayXf withoutOffsets(const Calibration& calibration,
+                              const Eigen::Ref<const Eigen::ArrayXf>& intensities,
+                              const Eigen::Ref<const Eigen::ArrayXi>& lasers) {
+  if (calibration.offsets.empty()) return intensities;
+  if (lasers.size() != intensities.size()) {
+    throw std::invalid_argument("the calibration has an offset for each laser, the cloud has no field ring");
+  }
+  return intensities.binaryExpr(lasers.cast<float>(), [&calibration](float intensity, float laser) {
+    return calibration.withoutOffset(intensity, static_cast<int>(laser));
+  });
+}
+
 Response Calibration::at(ModelType type, float range, float incidence) const {
   switch (type) {
     case ModelType::kRaw:

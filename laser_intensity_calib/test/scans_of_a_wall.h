@@ -8,6 +8,7 @@
 #include <sensor_msgs/point_cloud2_iterator.h>
 
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <random>
 #include <vector>
@@ -78,6 +79,27 @@ inline sensor_msgs::PointCloud2 makeCloud(const std::vector<Eigen::Vector3f>& po
     ++vz;
   }
   return cloud;
+}
+
+/// The same cloud with the field ring: the laser of each point.
+inline sensor_msgs::PointCloud2 withRings(const sensor_msgs::PointCloud2& cloud,
+                                          const std::vector<std::uint16_t>& rings) {
+  sensor_msgs::PointCloud2 result = cloud;
+  sensor_msgs::PointField field;
+  field.name = "ring";
+  field.offset = cloud.point_step;
+  field.datatype = sensor_msgs::PointField::UINT16;
+  field.count = 1;
+  result.fields.push_back(field);
+  result.point_step += sizeof(std::uint16_t);
+  result.row_step = result.point_step * result.width;
+  result.data.resize(rings.size() * result.point_step);
+  for (std::size_t i = 0; i < rings.size(); ++i) {
+    std::uint8_t* point = result.data.data() + i * result.point_step;
+    std::memcpy(point, cloud.data.data() + i * cloud.point_step, cloud.point_step);
+    std::memcpy(point + field.offset, &rings[i], sizeof(std::uint16_t));
+  }
+  return result;
 }
 
 }  // namespace laser_intensity_calib

@@ -67,6 +67,22 @@ TEST_F(CalibrationFile, ComesBackAsItWas) {
   }
 }
 
+TEST_F(CalibrationFile, KeepsOffsets) {
+  Calibration c = example();
+  c.offsets = {-12.5F, std::numeric_limits<float>::quiet_NaN(), 40.0F};
+  const std::string path = dir_.path("offsets.yaml");
+  saveCalibration(c, path);
+  const Calibration read = loadCalibration(path);
+  ASSERT_EQ(3u, read.offsets.size());
+  EXPECT_EQ(-12.5F, read.offsets[0]);
+  EXPECT_TRUE(std::isnan(read.offsets[1]));
+  EXPECT_EQ(40.0F, read.offsets[2]);
+  EXPECT_TRUE(loadCalibration(saved()).offsets.empty());
+  c.offsets[0] = std::numeric_limits<float>::infinity();
+  saveCalibration(c, path);
+  EXPECT_TRUE(mentions(errorOf([&] { loadCalibration(path); }), {"offsets"}));
+}
+
 TEST_F(CalibrationFile, MayLackModels) {
   Calibration c = example();
   c.polynomial = RangePolynomial();

@@ -67,6 +67,16 @@ TEST(ReadCloud, TakesIntensitiesOfAnyTypeAndViewpoints) {
   EXPECT_EQ(Eigen::Vector3f(0, 0, 2), moved.viewpoints.col(1));
 }
 
+TEST(ReadCloud, LasersAreTheRings) {
+  const sensor_msgs::PointCloud2 cloud = makeCloud({{1, 2, 3}, {4, 5, 6}}, {7, 8});
+  EXPECT_EQ(0, readCloud(cloud).lasers.size());
+  const CloudArrays arrays = readCloud(withRings(cloud, {63, 2}));
+  ASSERT_EQ(2, arrays.lasers.size());
+  EXPECT_EQ(63, arrays.lasers[0]);
+  EXPECT_EQ(2, arrays.lasers[1]);
+  EXPECT_FLOAT_EQ(8.0F, arrays.intensities[1]);
+}
+
 TEST(ReadCloud, RejectsWhatIsMalformed) {
   const sensor_msgs::PointCloud2 good = makeCloud({{1, 2, 3}, {4, 5, 6}}, {7, 8});
   auto bad = good;

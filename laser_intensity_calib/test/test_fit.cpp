@@ -211,6 +211,79 @@ TEST(Calibrate, IsTheSameForTheSameSamples) {
   EXPECT_EQ(a.polynomial.coefficients(), b.polynomial.coefficients());
 }
 
+// Lasers that add a constant each, by turns.
+std::vector<Sample> observeBy(int lasers, const std::function<float(int)>& offset) {
+  std::vector<Sample> samples = observe(0.8, 20, 4000);
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    samples[i].laser = static_cast<int>(i) % lasers;
+    samples[i].intensity += offset(samples[i].laser);
+  }
+  return samples;
+}
+
+TEST(Offsets, AreFoundAndTakenOff) {
+  const auto offset = [](int laser) { return 60.0F * static_cast<float>(laser % 4) - 90.0F; };  // mean 0
+  const std::vector<Sample> samples = observeBy(8, offset);
+  FitOptions options;
+  const Calibration without = calibrate(samples, options);
+  options.offsets = true;
+  const Calibration with = calibrate(samples, options);
+  ASSERT_EQ(8u, with.offsets.size());
+  for (int laser = 0; laser < 8; ++laser) EXPECT_NEAR(offset(laser), with.offsets[laser], 5.0) << laser;
+  EXPECT_TRUE(without.offsets.empty());
+  EXPECT_LT(with.residuals[2].rms, 0.5 * without.residuals[2].rms);
+  EXPECT_NEAR(with.residuals[2].rms, residualsOf(with, ModelType::kLut, samples).rms, 0.01)
+      << "of raw samples, too";
+}
+
+// As on level ground: each laser sees one angle, and the response changes slowly from one to the next.
+TEST(Offsets, OfLasersThatSeeOneAngleEachAreThoseAgainstTheirNeighbours) {
+  const auto offset = [](int laser) { return laser % 2 == 0 ? 50.0F : -50.0F; };
+  std::vector<Sample> samples = observeBy(32, offset);
+  std::mt19937 random(5);
+  std::uniform_real_distribution<float> uniform(-0.2F, 0.2F);
+  for (Sample& s : samples) {
+    s.range = 3.0F;
+    s.incidence = static_cast<float>((s.laser + uniform(random)) * kRadians);
+    s.intensity = static_cast<float>(0.8 * response(s.range, s.incidence)) + offset(s.laser);
+  }
+  FitOptions options;
+  options.incidence_cell = 4.0 * kRadians;
+  const std::vector<float> offsets = fitOffsets(samples, options);
+  for (int laser = 4; laser < 28; ++laser) EXPECT_NEAR(offset(laser), offsets[laser], 15.0) << laser;
+}
+
+TEST(Offsets, NeedSamplesOfEachLaser) {
+  std::vector<Sample> samples = observeBy(4, [](int) { return 0.0F; });
+  EXPECT_THROW(fitOffsets(observe(0.8, 10, 1000), FitOptions()), std::invalid_argument) << "one laser";
+  samples.resize(20);
+  for (Sample s : observe(0.8, 10, 1000)) samples.push_back(s), samples.back().laser = 9;
+  const std::vector<float> offsets = fitOffsets(samples, FitOptions());
+  ASSERT_EQ(10u, offsets.size());
+  EXPECT_TRUE(std::isnan(offsets[1])) << "5 samples";
+  EXPECT_TRUE(std::isnan(offsets[5])) << "none";
+  EXPECT_FLOAT_EQ(0.0F, offsets[9]);
+  samples[0].laser = -1;
+  EXPECT_THROW(fitOffsets(samples, FitOptions()), std::invalid_argument);
+}
+
+TEST(Offsets, AreTakenOffIntensities) {
+  Calibration c;
+  Eigen::ArrayXf intensities(5);
+  intensities << 100.0F, 100.0F, 100.0F, 0.0F, 10.0F;
+  Eigen::ArrayXi lasers(5);
+  lasers << 0, 1, 2, 0, 0;
+  EXPECT_TRUE((withoutOffsets(c, intensities, Eigen::ArrayXi()) == intensities).all()) << "none known";
+  c.offsets = {20.0F, std::numeric_limits<float>::quiet_NaN()};
+  const Eigen::ArrayXf result = withoutOffsets(c, intensities, lasers);
+  EXPECT_FLOAT_EQ(80.0F, result[0]);
+  EXPECT_TRUE(std::isnan(result[1])) << "a laser without an offset";
+  EXPECT_TRUE(std::isnan(result[2])) << "a laser unheard of";
+  EXPECT_TRUE(std::isnan(result[3])) << "below the threshold";
+  EXPECT_FLOAT_EQ(0.0F, result[4]);
+  EXPECT_THROW(withoutOffsets(c, intensities, Eigen::ArrayXi()), std::invalid_argument);
+}
+
 TEST(Coverage, IsSilentWhereAllIsWell) {
   const std::vector<Sample> samples = observe(0.8, 40, 2500);
   const FitOptions options;

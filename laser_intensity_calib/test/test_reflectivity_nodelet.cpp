@@ -144,6 +144,34 @@ TEST_F(ReflectivityNodelet, GivesTheReflectivityOfClouds) {
   EXPECT_GT(good, 1500) << "of " << points.size();
 }
 
+TEST_F(ReflectivityNodelet, TakesOffWhatTheLasersOfACloudAdd) {
+  calibration_.offsets = {300.0F, -300.0F};
+  saveCalibration(calibration_, file_);
+  ASSERT_TRUE(start());
+  std::vector<Eigen::Vector3f> points;
+  std::vector<std::uint16_t> intensities, rings;
+  for (int y = -20; y <= 20; ++y) {
+    for (int z = -20; z <= 20; ++z) {
+      points.emplace_back(2.0F, 0.05F * y, 0.05F * z);
+      const double range = points.back().norm();
+      rings.push_back(points.size() % 2);
+      intensities.push_back(static_cast<std::uint16_t>(0.4 * response(range, std::acos(2.0 / range)) +
+                                                       calibration_.offsets[rings.back()]));
+    }
+  }
+  Recorder<sensor_msgs::PointCloud2> results(node_, "cloud_reflectivity");
+  spinFor(0.3);
+  const sensor_msgs::PointCloud2 cloud = makeCloud(points, intensities);
+  clouds_.publish(cloud);  // without rings
+  clouds_.publish(withRings(cloud, rings));
+  ASSERT_TRUE(results.waitForOne());
+  expectDiagnostic("Reflectivity", "Messages dropped", "1");
+  sensor_msgs::PointCloud2ConstIterator<float> value(results.messages[0], "reflectivity");
+  int good = 0;
+  for (std::size_t i = 0; i < points.size(); ++i, ++value) good += std::abs(*value - 0.5F) < 0.03F ? 1 : 0;
+  EXPECT_GT(good, 1500) << "of " << points.size();
+}
+
 TEST_F(ReflectivityNodelet, DropsBadMessagesAndGoesOn) {
   ASSERT_TRUE(start());
   sensor_msgs::LaserScan scan = wall(), bad = scan;

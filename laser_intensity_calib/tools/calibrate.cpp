@@ -115,7 +115,9 @@ bool parse(const std::vector<std::string>& words, Arguments& a) {
       "leaf", with_default(&a.samples.cloud.leaf),
       "m, voxels that a cloud is thinned to for normals; 0: not")(
       "max-error", degrees(&a.samples.scan.max_error), "deg, samples with a less certain angle are left out");
-  fit.add_options()("range-cell", with_default(&a.fit.range_cell), "m, samples are summed up in cells")(
+  fit.add_options()("offsets", po::bool_switch(&a.fit.offsets),
+                    "of a cloud with the field ring: fit what each laser adds to its intensities")(
+      "range-cell", with_default(&a.fit.range_cell), "m, samples are summed up in cells")(
       "incidence-cell", degrees(&a.fit.incidence_cell), "deg, the same")(
       "min-samples", with_default(&a.fit.min_samples), "of a cell")(
       "max-edge", with_default(&a.fit.max_edge), "cells, wider gaps aren't interpolated across; 0: all are")(

@@ -17,6 +17,7 @@ struct Sample {
   float incidence;  ///< rad
   float intensity;  ///< as the scanner gives it
   int scan;         ///< number of its scan, from 0
+  int laser = 0;    ///< number of its laser, from 0, where a scanner has several
 };
 
 struct FitOptions {
@@ -27,8 +28,9 @@ struct FitOptions {
   double range_step = 0.05;                    ///< m, of the table
   double incidence_step = 1.0 * M_PI / 180.0;  ///< rad, of the table
   double normal_incidence = 15.0 * M_PI / 180.0;  ///< rad, the polynomial is fitted to samples up to this
-  int max_degree = 8;  ///< of the polynomial; the best by cross-validation is taken
-  int folds = 5;       ///< of the cross-validation
+  int max_degree = 8;    ///< of the polynomial; the best by cross-validation is taken
+  int folds = 5;         ///< of the cross-validation
+  bool offsets = false;  ///< fit Calibration::offsets, for scanners of several lasers
 
   /// @throws std::invalid_argument that names the option and what is allowed
   void validate() const;
@@ -54,6 +56,13 @@ RangePolynomial fitPolynomial(const std::vector<Sample>& samples, int degree, co
 /// 0.
 /// @throws std::invalid_argument if the cells are on a line
 LookupTable fitTable(const std::vector<Cell>& cells, const FitOptions& options);
+
+/// What each laser adds to the intensity, I = rho f(r, alpha) + o: what its samples differ, on the average,
+/// from those of all lasers in the same cells. Lasers that see the reference at one range and angle each
+/// (level ground) get what differs from their neighbours; what changes slowly with r and alpha stays in f.
+/// @return one for each laser, their mean is 0; NaN for those with fewer than 10 min_samples samples
+/// @throws std::invalid_argument if there is one laser only
+std::vector<float> fitOffsets(const std::vector<Sample>& samples, const FitOptions& options);
 
 /// All three models, of all samples; residuals by cross-validation, which leaves out whole runs of scans. A
 /// model that the samples don't support is left out, unless it is both the polynomial and the table.

@@ -114,13 +114,17 @@ struct Calibration {
   std::string date;                ///< ISO 8601
   std::string source;              ///< where the samples come from
   std::size_t samples = 0, scans = 0;
-  Interval range, incidence;  ///< m, rad, of the samples
-  double raw = 1.0;           ///< median intensity
+  Interval range, incidence;   ///< m, rad, of the samples
+  double raw = 1.0;            ///< median intensity
+  std::vector<float> offsets;  ///< what each laser of a scanner adds to its intensities; empty: nothing
   RangePolynomial polynomial;
   LookupTable table;
   std::array<Residuals, kModelTypes.size()> residuals;
 
   bool has(ModelType type) const;
+  /// Intensity less the offset of its laser, 0 at least. With offsets, NaN for a laser that has none, and for
+  /// 0, which lasers report below their threshold.
+  float withoutOffset(float intensity, int laser) const;
   /// NaN if the model needs the angle of incidence and that is NaN.
   Response at(ModelType type, float range, float incidence) const;
 };
@@ -129,15 +133,23 @@ struct Calibration {
 struct ReflectivityCounts {
   std::size_t valid = 0;          ///< have a reflectivity
   std::size_t no_return = 0;      ///< range not finite or not positive
-  std::size_t bad_intensity = 0;  ///< intensity not finite or negative
+  std::size_t bad_intensity = 0;  ///< intensity not finite or negative, or of a laser without an offset
   std::size_t no_incidence = 0;   ///< the model needs the angle of incidence, which is not known
   std::size_t outside = 0;        ///< not covered by the calibration: dropped, or among the valid if clamped
 
   ReflectivityCounts& operator+=(const ReflectivityCounts& other);
 };
 
+/// Intensities less the offsets of their lasers, see Calibration::withoutOffset.
+/// @param lasers the number of each, empty where they aren't known
+/// @throws std::invalid_argument if the calibration has offsets and the lasers aren't known
+Eigen::ArrayXf withoutOffsets(const Calibration& calibration,
+                              const Eigen::Ref<const Eigen::ArrayXf>& intensities,
+                              const Eigen::Ref<const Eigen::ArrayXi>& lasers);
+
 /// Reflectivity relative to the reference surface (Eq. 3.5), NaN where there is none.
-/// @param ranges m; intensities as the scanner gives them; incidence rad, maybe empty for models that don't
+/// @param ranges m; intensities as the scanner gives them, without offsets; incidence rad, maybe empty for
+/// models that don't
 ///   need it
 /// @throws std::invalid_argument if sizes differ or the calibration has no such model
 Eigen::ArrayXf reflectivity(const Calibration& calibration, ModelType type, OutsidePolicy policy,

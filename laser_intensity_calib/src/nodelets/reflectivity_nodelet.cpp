@@ -104,10 +104,11 @@ void ReflectivityNodelet::scanArrived(const sensor_msgs::LaserScan::ConstPtr& sc
   process("scan", received_scans_, [&] {
     if (scan->ranges.empty()) throw std::invalid_argument("it is empty");
     const ScanArrays arrays = readScan(*scan);
+    const Eigen::ArrayXf intensities = withoutOffsets(calibration_, arrays.intensities, Eigen::ArrayXi());
     const Eigen::ArrayXf& incidence =
         scan_incidence_.estimate(arrays.ranges, scan->angle_min, scan->angle_increment);
     const Eigen::ArrayXf result = reflectivity(calibration_, parameters_.model, parameters_.outside,
-                                               arrays.ranges, incidence, arrays.intensities, &counts_);
+                                               arrays.ranges, incidence, intensities, &counts_);
     const auto message = boost::make_shared<sensor_msgs::LaserScan>(*scan);
     message->intensities.assign(result.data(), result.data() + result.size());
     scan_publisher_.publish(message);
@@ -120,13 +121,14 @@ void ReflectivityNodelet::cloudArrived(const sensor_msgs::PointCloud2::ConstPtr&
     if (cloud_publisher_.getNumSubscribers() == 0) return;  // normals of clouds take their time
     const CloudArrays arrays = readCloud(*cloud);
     const Eigen::ArrayXf ranges = cloudRanges(arrays.points, arrays.viewpoints);
+    const Eigen::ArrayXf intensities = withoutOffsets(calibration_, arrays.intensities, arrays.lasers);
     Eigen::ArrayXf incidence;
     if (parameters_.model == ModelType::kLut) {
       incidence = cloudIncidence(arrays.points, arrays.viewpoints, parameters_.cloud, arrays.width);
     }
     cloud_publisher_.publish(boost::make_shared<sensor_msgs::PointCloud2>(
         withReflectivity(*cloud, reflectivity(calibration_, parameters_.model, parameters_.outside, ranges,
-                                              incidence, arrays.intensities, &counts_))));
+                                              incidence, intensities, &counts_))));
   });
 }
 

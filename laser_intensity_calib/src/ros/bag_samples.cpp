@@ -26,7 +26,7 @@ using Cloud = pcl::PointCloud<pcl::PointXYZ>;
 struct Batch {
   Eigen::Matrix3Xf points, viewpoints;
   Eigen::ArrayXf ranges, incidence, intensities;
-  std::vector<int> scans, beams;
+  std::vector<int> scans, beams, lasers;
 
   void append(const Batch& other) {
     const auto join = [](auto& a, const auto& b) {
@@ -45,6 +45,7 @@ struct Batch {
     extend(intensities, other.intensities);
     scans.insert(scans.end(), other.scans.begin(), other.scans.end());
     beams.insert(beams.end(), other.beams.begin(), other.beams.end());
+    lasers.insert(lasers.end(), other.lasers.begin(), other.lasers.end());
   }
 };
 
@@ -172,6 +173,7 @@ class Collector {
       return false;
     }
     batch.scans.assign(batch.points.cols(), scan);
+    batch.lasers.resize(batch.points.cols());  // all 0 unless there are several
     batch.beams.resize(batch.points.cols());
     for (std::size_t i = 0; i < batch.beams.size(); ++i) batch.beams[i] = static_cast<int>(i);
     return true;
@@ -202,6 +204,7 @@ class Collector {
                            : std::move(arrays.viewpoints);
     batch.ranges = cloudRanges(batch.points, batch.viewpoints);
     batch.intensities = std::move(arrays.intensities);
+    batch.lasers.assign(arrays.lasers.data(), arrays.lasers.data() + arrays.lasers.size());
     if (options_.accumulate == 0) {
       batch.incidence = cloudIncidence(batch.points, batch.viewpoints, options_.cloud, arrays.width);
     }
@@ -235,7 +238,8 @@ class Collector {
       if (std::isnan(batch.incidence[i])) {
         ++report_.without_incidence;
       } else {
-        samples_.push_back({batch.ranges[i], batch.incidence[i], batch.intensities[i], batch.scans[i]});
+        samples_.push_back(
+            {batch.ranges[i], batch.incidence[i], batch.intensities[i], batch.scans[i], batch.lasers[i]});
       }
     }
   }

@@ -130,13 +130,16 @@ CloudArrays readCloud(const sensor_msgs::PointCloud2& cloud) {
   const FieldReader x = require(cloud, "x"), y = require(cloud, "y"), z = require(cloud, "z");
   const FieldReader intensity = require(cloud, "intensity");
   const FieldReader vp_x = find(cloud, "vp_x"), vp_y = find(cloud, "vp_y"), vp_z = find(cloud, "vp_z");
+  const FieldReader ring = find(cloud, "ring");
   const bool viewpoints = vp_x && vp_y && vp_z;
   const auto n = static_cast<Eigen::Index>(layout.width * layout.height);
   CloudArrays arrays{Eigen::Matrix3Xf(3, n), Eigen::Matrix3Xf::Zero(3, viewpoints ? n : 1), Eigen::ArrayXf(n),
+                     Eigen::ArrayXi(ring ? n : 0),
                      layout.height > 1 ? static_cast<Eigen::Index>(layout.width) : 0};
   visitPoints(cloud, layout, [&](const std::uint8_t* point, Eigen::Index i) {
     arrays.points.col(i) << x(point), y(point), z(point);
     arrays.intensities[i] = intensity(point);
+    if (ring) arrays.lasers[i] = static_cast<int>(ring(point));
     if (viewpoints) arrays.viewpoints.col(i) << vp_x(point), vp_y(point), vp_z(point);
   });
   return arrays;

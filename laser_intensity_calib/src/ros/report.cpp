@@ -39,7 +39,7 @@ void writeReport(const std::string& folder, const std::vector<Sample>& samples,
       for (const ModelType type : kModelTypes) {
         const Response f = calibration.has(type) ? calibration.at(type, s.range, s.incidence) : Response();
         out << ',';
-        if (f.inside) out << s.intensity / f.intensity;
+        if (f.inside) out << calibration.withoutOffset(s.intensity, s.laser) / f.intensity;
       }
       out << '\n';
     }
@@ -62,6 +62,19 @@ std::string describe(const Calibration& c, const Coverage& coverage) {
                       ? ("range, degree " + std::to_string(c.polynomial.coefficients().size() - 1)).c_str()
                       : toString(type),
                   100.0 * r.rms, 100.0 * r.median, 100.0 * r.covered);
+    text << line;
+  }
+  if (!c.offsets.empty()) {
+    const auto known =
+        std::count_if(c.offsets.begin(), c.offsets.end(), [](float o) { return !std::isnan(o); });
+    float least = INFINITY, greatest = -INFINITY;
+    for (const float o : c.offsets) {
+      least = std::fmin(least, o);
+      greatest = std::fmax(greatest, o);
+    }
+    std::snprintf(line, sizeof(line),
+                  "\nOffsets of %td lasers: %.4g to %.4g, where the reference gives %.4g\n", known, least,
+                  greatest, c.raw);
     text << line;
   }
   if (!coverage.map.empty()) text << "\nSamples over range and angle of incidence\n" << coverage.map;

@@ -20,6 +20,7 @@ struct CloudArrays {
   Eigen::Matrix3Xf points;      ///< m, fields x y z; row by row if the cloud is organised
   Eigen::Matrix3Xf viewpoints;  ///< m, fields vp_x vp_y vp_z; one column, 0, where there are no such fields
   Eigen::ArrayXf intensities;
+  Eigen::ArrayXi lasers;   ///< numbers, field ring; empty where there is no such field
   Eigen::Index width = 0;  ///< of the rows of an organised cloud, 0: it isn't
 };
 /// Coordinates are float32 or float64, the field `intensity` of any numeric type.
