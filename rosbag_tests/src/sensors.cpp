@@ -40,9 +40,7 @@ class Beams {
     if (lost || range > model_.range_max) return {kInfinity, 0.0, center};
     if (range < model_.range_min) return {-kInfinity, 0.0, center};
 
-    const IntensityModel& m = model_.intensity;
-    intensity += gauss_(random_) * (m.noise + m.noise_ratio * intensity);
-    return {range, std::clamp(quantise(intensity, m.resolution), 0.0, m.max), center};
+    return {range, model_.intensity.reported(intensity, gauss_(random_)), center};
   }
 
  private:
@@ -94,6 +92,11 @@ double IntensityModel::angular(double incidence) const {
 
 double IntensityModel::response(double range, double incidence) const {
   return gain * near(range) * std::pow(reference_range / range, range_exponent) * angular(incidence);
+}
+
+double IntensityModel::reported(double intensity, double gauss) const {
+  const double noisy = intensity + gauss * (noise + noise_ratio * intensity);
+  return std::clamp(quantise(noisy, resolution), 0.0, max);
 }
 
 Eigen::Vector3d SensorConfig::direction(int column, int ring) const {

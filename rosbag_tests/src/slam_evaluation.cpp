@@ -171,6 +171,10 @@ std::string runsToJson(const std::vector<SlamRun>& runs) {
   return jsonArray(objects);
 }
 
+std::string errorsToJson(const SlamRun& run) {
+  return JsonObject().raw("delta", errorsToJson(run.delta)).raw("absolute", errorsToJson(run.absolute)).str();
+}
+
 void writeMapPicture(const std::string& file, const GridMap& map, const std::vector<TimedPose>& truth,
                      const std::vector<TimedPose>& estimate) {
   const Eigen::AlignedBox2i known = map.knownCells();

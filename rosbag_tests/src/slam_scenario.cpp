@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <laser_intensity_calib/calibration_file.h>
 #include <laser_intensity_calib/incidence.h>
 #include <rosbag_tests/simulator.h>
 #include <rosbag_tests/slam_scenario.h>
@@ -45,16 +46,22 @@ class Clutter {
     for (std::size_t i = 0; i < people_.size(); ++i) people_[i].bearing = 2.0 * M_PI * i / people_.size();
   }
 
-  /// Range and reflectivity of whoever a beam meets, infinite if nobody. `bearing`: rad, in the map frame.
-  std::pair<double, double> cast(double bearing, double time) const {
-    std::pair<double, double> nearest{std::numeric_limits<double>::infinity(), 0.0};
+  /// What a beam meets of a person.
+  struct Meeting {
+    double range = std::numeric_limits<double>::infinity();  ///< m, infinite: nobody
+    double incidence = 0.0, reflectivity = 0.0;              ///< rad
+  };
+
+  /// `bearing`: rad, in the map frame.
+  Meeting cast(double bearing, double time) const {
+    Meeting nearest;
     for (const Person& p : people_) {
       const double distance = p.distance + p.sway * std::sin(p.rate * time + p.phase);
       const double centre = p.bearing + 0.4 * std::sin(p.turn * time + p.phase);
       const double offset = wrap(bearing - centre), across = distance * std::sin(offset);
       if (std::abs(offset) > M_PI / 2 || std::abs(across) >= kRadius) continue;
       const double range = distance * std::cos(offset) - std::sqrt(kRadius * kRadius - across * across);
-      if (range < nearest.first) nearest = {range, p.reflectivity};
+      if (range < nearest.range) nearest = {range, std::asin(std::abs(across) / kRadius), p.reflectivity};
     }
     return nearest;
   }
@@ -76,8 +83,10 @@ class Clutter {
 class Recorder {
  public:
   Recorder(const SlamScenario& scenario, std::uint64_t seed)
-      : sensor_(scenario.sensor),
-        clutter_(scenario.fault == Fault::kClutter ? scenario.clutter : 0.0, seed) {}
+      : scenario_(scenario),
+        sensor_(scenario.sensor),
+        clutter_(scenario.fault == Fault::kClutter ? scenario.clutter : 0.0, seed),
+        random_(~seed) {}
 
   void add(const Sweep& sweep, SlamRecording& recording) {
     PlanarScan planar = toPlanarScan(sensor_, sweep);
@@ -85,22 +94,28 @@ class Recorder {
     for (int i = 0; i < sensor_.columns; ++i) {
       const double bearing = planar.angle_min + i * planar.angle_increment;
       if (!(planar.ranges[i] > 0.0f)) continue;
-      const auto person = clutter_.cast(yaw + bearing, sweep.stamp);
+      const Clutter::Meeting person = clutter_.cast(yaw + bearing, sweep.stamp);
       if (std::isfinite(planar.ranges[i])) ++recording.beams;
-      if (!(person.first < planar.ranges[i])) continue;
+      if (!(person.range < planar.ranges[i])) continue;
       if (std::isfinite(planar.ranges[i])) ++recording.hidden;
-      planar.ranges[i] = static_cast<float>(person.first);
-      planar.intensities[i] =
-          static_cast<float>(person.second * sensor_.beam.intensity.response(person.first, 0.0));
+      const IntensityModel& model = sensor_.beam.intensity;
+      const double intensity = person.reflectivity * model.response(person.range, person.incidence);
+      planar.ranges[i] = static_cast<float>(person.range);
+      planar.intensities[i] = static_cast<float>(model.reported(intensity, gauss_(random_)));
     }
     recording.scans.push_back(toScan(planar));
     recording.truth.push_back({sweep.stamp, sweep.pose * sensor_.mount.inverse()});
+    for (const float reflectivity : recording.scans.back().reflectivities)
+      recording.known += std::isfinite(reflectivity);
   }
 
  private:
   intensity_hector_slam::Scan toScan(const PlanarScan& planar) {
     const Eigen::Map<const Eigen::ArrayXf> ranges(planar.ranges.data(), planar.ranges.size());
+    const Eigen::Map<const Eigen::ArrayXf> intensities(planar.intensities.data(), planar.intensities.size());
     const Eigen::ArrayXf& incidence = incidence_.estimate(ranges, planar.angle_min, planar.angle_increment);
+    const Eigen::ArrayXf reflectivities =
+        static_cast<float>(scenario_.reflectivity_scale) * toReflectivities(ranges, incidence, intensities);
     intensity_hector_slam::Scan scan;
     scan.stamp = planar.stamp;
     scan.origin = sensor_.mount.translation().head<2>().cast<float>();
@@ -109,15 +124,28 @@ class Recorder {
       if (!(range > 0.0f) || !std::isfinite(range)) continue;
       const Eigen::Vector3d point = sensor_.mount * (range * sensor_.direction(i, 0));
       scan.points.push_back(point.head<2>().cast<float>());
-      scan.reflectivities.push_back(
-          static_cast<float>(planar.intensities[i] / sensor_.beam.intensity.response(range, incidence[i])));
+      scan.reflectivities.push_back(reflectivities[i]);
       scan.times.push_back(static_cast<float>(i * planar.time_increment));
     }
     return scan;
   }
 
+  Eigen::ArrayXf toReflectivities(const Eigen::ArrayXf& ranges, const Eigen::ArrayXf& incidence,
+                                  const Eigen::ArrayXf& intensities) const {
+    using laser_intensity_calib::OutsidePolicy;
+    if (scenario_.calibration)
+      return laser_intensity_calib::reflectivity(*scenario_.calibration, scenario_.model,
+                                                 OutsidePolicy::kDrop, ranges, incidence, intensities);
+    return intensities / ranges.binaryExpr(incidence, [this](float range, float alpha) {
+      return static_cast<float>(sensor_.beam.intensity.response(range, alpha));
+    });
+  }
+
+  const SlamScenario& scenario_;
   const SensorConfig& sensor_;
   Clutter clutter_;
+  std::mt19937_64 random_;
+  std::normal_distribution<double> gauss_;
   laser_intensity_calib::ScanIncidence incidence_;
 };
 
@@ -234,6 +262,16 @@ SlamScenario loadScenario(const std::string& file) {
   if (scenario.sensor.type != SensorConfig::Type::kPlanar)
     map.fail(map.node("sensor"), "sensor must be a planar scanner");
   scenario.duration = map.number("duration", {0.1, 1e5, "s"});
+  if (map.has("calibration")) {
+    try {
+      scenario.calibration =
+          laser_intensity_calib::loadCalibration((folder / map.text("calibration")).string());
+    } catch (const std::runtime_error& e) {
+      map.fail(map.node("calibration"), std::string("calibration: ") + e.what());
+    }
+    if (!scenario.calibration->has(scenario.model))
+      map.fail(map.node("calibration"), "calibration: it has no table (model lut)");
+  }
   if (map.has("drive"))
     scenario.drive = readDrive(map.map("drive"));
   else

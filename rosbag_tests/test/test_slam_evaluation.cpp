@@ -85,6 +85,8 @@ TEST(Scenario, FaultyFilesAreNamed) {
   EXPECT_TRUE(mentions(error(files + sensor + "duration: -1\n"), {"s.yaml", "duration"}));
   EXPECT_TRUE(mentions(error(files + sensor + "duration: 3\nfault: fire\n"), {"fire", "clutter"}));
   EXPECT_TRUE(mentions(error(files + sensor + "duration: 3\nspeed: 3\n"), {"speed"}));
+  EXPECT_TRUE(mentions(error(files + sensor + "duration: 3\ncalibration: none.yaml\n"),
+                       {"s.yaml", "calibration: ", "none.yaml"}));
   EXPECT_TRUE(mentions(
       error(files + sensor + "duration: 3\ndrive: {x: [0, 1], y: [0, 1], speed: [1, 1], min_leg: 5}\n"),
       {"min_leg"}));
@@ -117,11 +119,51 @@ TEST(Recording, ReflectivitiesAreTheWalls) {
     all += scan.reflectivities.size();
     for (const float reflectivity : scan.reflectivities) {
       known += std::isfinite(reflectivity);
-      plausible += reflectivity > 0.02f && reflectivity < 1.1f;
+      plausible += reflectivity > 0.02f && reflectivity < 1.3f;
     }
   }
   EXPECT_GT(known, 0.8 * all);
   EXPECT_GT(plausible, 0.98 * known);
+}
+
+// The calibration is of another simulated drive, towards a wall of 0.8. What it doesn't cover has no
+// reflectivity.
+TEST(Recording, TheFittedTableIsNearTheIdeal) {
+  SlamScenario room = scenario("room", 0.2);
+  ASSERT_TRUE(room.calibration);
+  const SlamRecording fitted = record(room, 4);
+  room.calibration.reset();
+  const SlamRecording ideal = record(room, 4);
+  std::vector<float> errors;
+  std::size_t lacking = 0;
+  for (std::size_t k = 0; k < ideal.scans.size(); ++k) {
+    for (std::size_t i = 0; i < ideal.scans[k].points.size(); ++i) {
+      const float truth = ideal.scans[k].reflectivities[i] / 0.8f, found = fitted.scans[k].reflectivities[i];
+      ASSERT_FALSE(std::isnan(truth) && std::isfinite(found)) << "no angle, but a reflectivity";
+      if (std::isnan(found))
+        lacking += std::isfinite(truth);
+      else
+        errors.push_back(std::abs(found / truth - 1.0f));
+    }
+  }
+  EXPECT_EQ(errors.size(), fitted.known);
+  EXPECT_LT(lacking, 0.1 * errors.size());
+  std::sort(errors.begin(), errors.end());
+  EXPECT_LT(errors[errors.size() / 2], 0.02f) << "median";
+  EXPECT_LT(errors[errors.size() * 9 / 10], 0.06f) << "nine tenths";
+  EXPECT_GT(errors.back(), 0.0f) << "it is no copy of the simulator's own function";
+}
+
+TEST(Recording, RawIntensitiesAreScaled) {
+  SlamScenario room = scenario("room", 0.1);
+  room.model = laser_intensity_calib::ModelType::kRaw;
+  const SlamRecording once = record(room, 4);
+  room.reflectivity_scale = 0.4;
+  const SlamRecording scaled = record(room, 4);
+  ASSERT_GT(once.known, 0u);
+  for (std::size_t i = 0; i < once.scans[0].points.size(); ++i)
+    ASSERT_FLOAT_EQ(0.4f * once.scans[0].reflectivities[i], scaled.scans[0].reflectivities[i]);
+  EXPECT_EQ(once.known, scaled.known);
 }
 
 TEST(Recording, ClutterHidesItsShare) {
@@ -178,6 +220,9 @@ TEST(Evaluation, TableAndJson) {
   ASSERT_EQ(2u, json.size());
   EXPECT_TRUE(json[0]["lost_after_s"].IsNull());
   EXPECT_DOUBLE_EQ(0.25, json[1]["lost_after_s"].as<double>());
+  const YAML::Node errors = YAML::Load(errorsToJson(runs[0]));
+  EXPECT_EQ(runs[0].delta.errors.size(), errors["delta"]["errors"]["time_s"].size());
+  EXPECT_EQ(runs[0].poses.size(), errors["absolute"]["errors"]["rotation_rad"].size());
 }
 
 TEST(Evaluation, MapPicture) {
@@ -218,6 +263,16 @@ TEST(Evaluation, ReflectivityTellsWhereAlongTheCorridor) {
   EXPECT_TRUE(run(recording, Cost::kOccupancy).lost());
   EXPECT_FALSE(run(recording, Cost::kReflectivity).lost());
   EXPECT_FALSE(run(recording, Cost::kCombined).lost());
+}
+
+// What calibration is for: raw intensities change along the corridor with range and angle more than with the
+// walls.
+TEST(Evaluation, RawIntensitiesDoNotTellWhereAlongTheCorridor) {
+  SlamScenario corridor = scenario("corridor_textured", 6.0);
+  EXPECT_FALSE(run(record(corridor, 208), Cost::kReflectivity).lost());
+  corridor.model = laser_intensity_calib::ModelType::kRaw;
+  corridor.reflectivity_scale = 0.4;
+  EXPECT_TRUE(run(record(corridor, 208), Cost::kReflectivity).lost());
 }
 
 // Fig. 3.7: at most 5 mm and 0.1 degrees per scan.

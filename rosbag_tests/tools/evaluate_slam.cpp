@@ -28,11 +28,13 @@ const char kUsage[] =
     "SLAM once for\n"
     "each cost: how often is the map lost, how exact are the poses? The map counts as lost where a pose is "
     "more than\n"
-    "--lost-distance or --lost-angle from the truth at any time after the start. Only the cost differs.\n";
+    "--lost-distance or --lost-angle from the truth at any time after the start. Only the cost differs.\n"
+    "Reflectivities are made of the simulated intensities by the scenario's calibration.\n";
 
 struct Arguments {
   std::vector<std::string> scenarios, costs{"occupancy", "reflectivity", "combined"};
-  std::string out, guess = "constant_velocity";
+  std::string out, guess = "constant_velocity", model;
+  double reflectivity_scale = 1.0;
   std::uint64_t first_seed = 1;
   int seeds = 10, jobs = 1;
   double duration = 0.0, lost_angle = 10.0;
@@ -52,6 +54,10 @@ bool parse(int argc, char** argv, Arguments& a) {
       "occupancy, reflectivity, combined, auto; by default the first three");
   add("guess", po::value(&a.guess)->default_value(a.guess),
       "last_pose or constant_velocity: where matching starts");
+  add("model", po::value(&a.model),
+      "lut (default), range or raw: of the scenarios' calibrations; ideal: the simulator's own f(r, alpha)");
+  add("reflectivity-scale", po::value(&a.reflectivity_scale)->default_value(a.reflectivity_scale),
+      "factor on the reflectivities, for --model raw");
   add("resolution", po::value(&a.slam.map.resolution)->default_value(a.slam.map.resolution, "0.025"),
       "of the map's finest level (m)");
   add("levels", po::value(&a.slam.map.levels)->default_value(a.slam.map.levels), "of the map");
@@ -61,7 +67,7 @@ bool parse(int argc, char** argv, Arguments& a) {
   add("out", po::value(&a.out),
       "folder for evaluation.json, evaluation.md, and of the first seed the map (SCENARIO-COST.ppm), the "
       "true and "
-      "estimated ways (.tum)");
+      "estimated ways (.tum) and their errors (.json); plot_evaluation.py draws them");
   po::options_description all;
   all.add(visible).add_options()("scenario", po::value(&a.scenarios));
   po::positional_options_description positional;
@@ -78,15 +84,26 @@ bool parse(int argc, char** argv, Arguments& a) {
   if (values.count("duration") && !(a.duration > 0.0)) throw po::error("--duration must be positive");
   if (!(a.criterion.distance > 0.0 && a.lost_angle > 0.0))
     throw po::error("--lost-distance and --lost-angle must be positive");
+  if (!(a.reflectivity_scale > 0.0)) throw po::error("--reflectivity-scale must be positive");
   a.criterion.angle = a.lost_angle * M_PI / 180.0;
   try {
     a.slam.guess = intensity_hector_slam::parseGuess(a.guess);
     for (const std::string& cost : a.costs) intensity_hector_slam::parseCost(cost);
+    if (!a.model.empty() && a.model != "ideal") laser_intensity_calib::parseModelType(a.model);
     a.slam.validate();
   } catch (const std::invalid_argument& e) {
     throw po::error(e.what());
   }
   return true;
+}
+
+void use(const std::string& model, SlamScenario& scenario) {
+  if (model.empty()) return;
+  if (model == "ideal") return scenario.calibration.reset();
+  scenario.model = laser_intensity_calib::parseModelType(model);
+  if (!scenario.calibration || !scenario.calibration->has(scenario.model))
+    throw std::runtime_error(scenario.name + " has no calibration with the model " + model +
+                             "; --model ideal?");
 }
 
 /// All drives, some at the same time.
@@ -95,6 +112,8 @@ class Evaluation {
   explicit Evaluation(const Arguments& arguments) : a_(arguments) {
     for (const std::string& file : a_.scenarios) {
       scenarios_.push_back(loadScenario(file));
+      use(a_.model, scenarios_.back());
+      scenarios_.back().reflectivity_scale = a_.reflectivity_scale;
       if (a_.duration > 0.0) scenarios_.back().duration = a_.duration;
     }
     runs_.resize(scenarios_.size() * a_.seeds * a_.costs.size());
@@ -142,6 +161,7 @@ class Evaluation {
     const std::string path = a_.out + "/" + run.scenario + "-" + toString(run.cost);
     writeMapPicture(path + ".ppm", map.level(0), recording.truth, run.poses);
     writeTum(path + ".tum", run.poses);
+    mapping_common::writeFile(path + ".json", [&](std::ostream& out) { out << errorsToJson(run) << '\n'; });
     writeTum(a_.out + "/" + run.scenario + "-truth.tum", recording.truth);
   }
 

@@ -38,6 +38,9 @@ struct IntensityModel {
   double angular(double incidence) const;
   /// f(r, a), without noise.
   double response(double range, double incidence) const;
+  /// What is reported of an intensity: with noise, `gauss` of which is standard normal, limit and
+  /// quantisation.
+  double reported(double intensity, double gauss) const;
 };
 
 /// What happens to a single beam.

@@ -51,6 +51,9 @@ void printTable(std::ostream& out, const std::vector<SlamRun>& runs);
 /// An array with one object per run, without its poses.
 std::string runsToJson(const std::vector<SlamRun>& runs);
 
+/// The errors of each pose of a run, as trajectory_error --json writes them; for plot_evaluation.py.
+std::string errorsToJson(const SlamRun& run);
+
 /// Draws the finest level, north up, cropped to what is known, as a PPM picture: unknown grey, free white,
 /// occupied coloured by reflectivity (hue from blue, dark, to red, bright; black where it isn't known), the
 /// true way green, the estimated one magenta.

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <intensity_hector_slam/scan.h>
+#include <laser_intensity_calib/models.h>
 #include <rosbag_tests/sensors.h>
 #include <rosbag_tests/trajectory.h>
 #include <rosbag_tests/world.h>
@@ -51,11 +52,16 @@ struct SlamScenario {
   double duration = 0.0;  ///< s
   Fault fault = Fault::kNone;
   double clutter = 0.3;  ///< share of the beams that kClutter hides, about
+  /// What makes reflectivities of the intensities, as in laser_intensity_calib's nodelet; none: ideal,
+  /// divided by the very f(r, alpha) that the simulator multiplied with.
+  std::optional<laser_intensity_calib::Calibration> calibration{};
+  laser_intensity_calib::ModelType model = laser_intensity_calib::ModelType::kLut;  ///< of the calibration
+  double reflectivity_scale = 1.0;  ///< factor on the reflectivities, as SlamNodelet has it
 };
 
-/// Reads a scenario: `world` and `sensor` (paths from the file's folder), `duration` (s), and maybe `drive`
-/// and `fault`; config/slam_evaluation has examples. Throws std::runtime_error that names file, line, key and
-/// what is allowed.
+/// Reads a scenario: `world` and `sensor` (paths from the file's folder), `duration` (s), and maybe
+/// `calibration` (a file that calibrate wrote), `drive` and `fault`; config/slam_evaluation has examples.
+/// Throws std::runtime_error that names file, line, key and what is allowed.
 SlamScenario loadScenario(const std::string& file);
 
 /// Scans as SLAM takes them, in the frame of base_link, and where base_link truly was.
@@ -63,11 +69,12 @@ struct SlamRecording {
   std::vector<intensity_hector_slam::Scan> scans;
   std::vector<TimedPose> truth;  ///< one for each scan; times (s) go on whatever happens to the scans' stamps
   std::size_t beams = 0, hidden = 0;  ///< with a return, and those of them that clutter hides
+  std::size_t known = 0;              ///< beams that have a reflectivity
 };
 
-/// Simulates a scenario. Reflectivities are what a perfect calibration makes of the raw intensities: I over
-/// the scanner's response at the measured range and at the incidence that the scan's own points tell
-/// (laser_intensity_calib::ScanIncidence). The seed decides drive, noise and clutter.
+/// Simulates a scenario. Reflectivities come from the simulated raw intensities, at the measured range and at
+/// the incidence that the scan's own points tell (laser_intensity_calib::ScanIncidence): NaN where that isn't
+/// known, or where the calibration has no value. The seed decides drive, noise and clutter.
 SlamRecording record(const SlamScenario& scenario, std::uint64_t seed);
 
 /// From the names that scenario files use: none | clutter | pause | silence | back_in_time | empty.
