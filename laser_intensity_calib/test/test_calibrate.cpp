@@ -5,11 +5,15 @@
 #include <mapping_common/files.h>
 #include <mapping_common/testing/temp_dir.h>
 #include <rosbag/bag.h>
+#include <rosbag/view.h>
 #include <sys/wait.h>
 #include <tf2_msgs/TFMessage.h>
 
+#include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <filesystem>
+#include <functional>
 
 #include "laser_intensity_calib/calibration_file.h"
 #include "laser_intensity_calib/incidence.h"
@@ -197,6 +201,74 @@ TEST_F(Calibrate, PutsPushBroomScansTogether) {
   EXPECT_THROW(collectSamples(bag_, options, report), std::invalid_argument);
 }
 
+// Bags that users have.
+TEST_F(Calibrate, SaysWhatIsWrongWithTheScans) {
+  const auto write = [this](const std::string& topic,
+                            const std::function<void(sensor_msgs::LaserScan&)>& change) {
+    rosbag::Bag bag(bag_, rosbag::bagmode::Append);
+    std::mt19937 random(1);
+    for (int i = 0; i < 60; ++i) {
+      sensor_msgs::LaserScan scan = scanOfWall(0.5 + 0.05 * i, 0.6 * std::sin(0.7 * i), 0.8, random);
+      scan.header.stamp = ros::Time(100.0 + 0.1 * i);
+      change(scan);
+      bag.write(topic, scan.header.stamp, scan);
+    }
+  };
+  const std::string tool = "--bag " + bag_ + " --out " + out_ + " --topic ";
+  write("/bare", [](auto& scan) { scan.intensities.clear(); });
+  EXPECT_EQ(1, run(tool + "bare"));
+  EXPECT_TRUE(mentions(output(), {"none of the 60 messages can be used", "no intensities"}));
+  write("/dark", [](auto& scan) { scan.intensities.assign(scan.ranges.size(), 0.0F); });
+  EXPECT_EQ(1, run(tool + "dark"));
+  EXPECT_TRUE(mentions(output(), {"intensities", "are 0"}));
+  write("/blind", [](auto& scan) { scan.ranges.assign(scan.ranges.size(), std::nanf("")); });
+  EXPECT_EQ(1, run(tool + "blind"));
+  EXPECT_TRUE(mentions(output(), {"no beam is on"}));
+  write("/dotted", [](auto& scan) {
+    for (std::size_t i = 0; i < scan.ranges.size(); ++i)
+      if (i % 3 != 0) scan.ranges[i] = std::nanf("");
+  });
+  EXPECT_EQ(1, run(tool + "dotted"));
+  EXPECT_TRUE(mentions(output(), {"angle of incidence", "--min-window"}));
+  EXPECT_EQ(1, run(tool + "scan --frame map"));
+  EXPECT_TRUE(mentions(output(), {"none of the 300 messages has a transform", "map"}));
+  EXPECT_FALSE(std::filesystem::exists(out_));
+
+  write("/constant", [](auto& scan) { scan.intensities.assign(scan.ranges.size(), 47.0F); });
+  EXPECT_EQ(0, run(tool + "constant"));
+  EXPECT_TRUE(mentions(output(), {"100 % of the samples have the intensity 47", "no intensities"}));
+  EXPECT_EQ(1, run(tool + "scan --beams 270:270"));
+  EXPECT_TRUE(mentions(output(), {"300 samples are too few, or too much alike", "--min-samples"}))
+      << "one beam";
+}
+
+TEST_F(Calibrate, AReversedScanGivesTheSame) {
+  {
+    rosbag::Bag in(bag_), out(dir_.path("reversed.bag"), rosbag::bagmode::Write);
+    for (const auto& message : rosbag::View(in, rosbag::TopicQuery("/scan"))) {
+      sensor_msgs::LaserScan scan = *message.instantiate<sensor_msgs::LaserScan>();
+      std::reverse(scan.ranges.begin(), scan.ranges.end());
+      std::reverse(scan.intensities.begin(), scan.intensities.end());
+      std::swap(scan.angle_min, scan.angle_max);
+      scan.angle_increment = -scan.angle_increment;
+      out.write("/scan", scan.header.stamp, scan);
+    }
+  }
+  BagSamplesOptions options;
+  options.topic = "scan";
+  BagSamplesReport report;
+  const Calibration c = calibrate(collectSamples(bag_, options, report), FitOptions()),
+                    reversed =
+                        calibrate(collectSamples(dir_.path("reversed.bag"), options, report), FitOptions());
+  ASSERT_EQ(c.table.values().rows(), reversed.table.values().rows());
+  EXPECT_NEAR(c.samples, reversed.samples, 0.001 * c.samples);
+  EXPECT_NEAR(c.residuals[2].rms, reversed.residuals[2].rms, 0.001);
+  for (float r = 0.6F; r < 5.0F; r += 0.2F)
+    EXPECT_NEAR(1.0,
+                reversed.at(ModelType::kLut, r, 0.5F).intensity / c.at(ModelType::kLut, r, 0.5F).intensity,
+                0.005);
+}
+
 TEST_F(Calibrate, SaysWhatIsWrong) {
   const std::string ok = "--bag " + bag_ + " --out " + out_ + " --topic scan ";
   EXPECT_EQ(0, run("--help"));
@@ -217,7 +289,9 @@ TEST_F(Calibrate, SaysWhatIsWrong) {
   EXPECT_EQ(1, run("--bag " + bag_ + " --out " + out_ + " --topic note"));
   EXPECT_TRUE(mentions(output(), {"TFMessage"}));
   EXPECT_EQ(1, run(ok + "--box 50,50,50,51,51,51"));
-  EXPECT_TRUE(mentions(output(), {"no sample"}));
+  EXPECT_TRUE(mentions(output(), {"no beam is on the reference surface"}));
+  EXPECT_EQ(1, run("--bag " + bag_ + " --out /nowhere/c.yaml --topic scan"));
+  EXPECT_TRUE(mentions(output(), {"no folder /nowhere"}));
   EXPECT_FALSE(std::filesystem::exists(out_));
 }
 

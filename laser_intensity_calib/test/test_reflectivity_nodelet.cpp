@@ -3,12 +3,16 @@
 // The nodelet's output against the core's, its parameters, its services, and bad input.
 #include <dynamic_reconfigure/Reconfigure.h>
 #include <laser_intensity_calib/calibration_file.h>
+#include <mapping_common/files.h>
 #include <mapping_common/testing/nodelet_test.h>
 #include <mapping_common/testing/temp_dir.h>
 #include <rosgraph_msgs/Log.h>
 #include <std_srvs/Trigger.h>
 
+#include <atomic>
 #include <cmath>
+#include <filesystem>
+#include <thread>
 
 #include "laser_intensity_calib/incidence.h"
 #include "laser_intensity_calib/ros/conversions.h"
@@ -229,6 +233,54 @@ TEST_F(ReflectivityNodelet, ReloadsTheFileOrKeepsWhatItHas) {
   saveCalibration(calibration_, file_);
   EXPECT_TRUE(reload().success);
   expectSame(expected(scan), answer(scan).intensities);
+}
+
+// Files come and go under it, good, damaged, and none; each scan gets one calibration or the other, whole.
+TEST_F(ReflectivityNodelet, NoScanIsLostOrMixedWhileItReloads) {
+  setParam("queue_size", 1000);
+  ASSERT_TRUE(start());
+  Calibration twice = calibration_;
+  twice.table = LookupTable(twice.table.range(), twice.table.incidence(), 0.5F * twice.table.values());
+  saveCalibration(twice, dir_.path("twice.yaml"));
+  saveCalibration(calibration_, dir_.path("once.yaml"));
+  const std::string good[] = {mapping_common::readFile(dir_.path("once.yaml")),
+                              mapping_common::readFile(dir_.path("twice.yaml"))};
+  const sensor_msgs::LaserScan scan = wall();
+  const Eigen::ArrayXf once = expected(scan);
+
+  Recorder<sensor_msgs::LaserScan> results(node_, "scan_reflectivity");
+  spinFor(0.5);
+  constexpr int kRounds = 12, kScans = 5;
+  std::atomic<int> refused{0}, read{0};
+  std::thread other([&] {
+    for (int i = 0; i < kRounds; ++i) {
+      const std::string& text = good[i / 2 % 2];
+      if (i == 7)
+        std::filesystem::remove(file_);
+      else
+        mapping_common::writeFile(file_, [&](std::ostream& out) {
+          out << (i % 2 == 0 ? text : i % 4 == 1 ? text.substr(0, text.size() / 2) : std::string());
+        });
+      std_srvs::Trigger trigger;
+      ros::service::call(name_ + "/reload", trigger);
+      ++(trigger.response.success ? read : refused);
+    }
+  });
+  for (int i = 0; i < kRounds * kScans; ++i) {
+    scans_.publish(scan);
+    spinFor(0.01);
+  }
+  other.join();
+  EXPECT_TRUE(waitFor([&] { return results.messages.size() == kRounds * kScans; }));
+  EXPECT_EQ(kRounds / 2, read);
+  EXPECT_EQ(kRounds / 2, refused);
+  for (const sensor_msgs::LaserScan& result : results.messages) {
+    const Eigen::Map<const Eigen::ArrayXf> values(result.intensities.data(), result.intensities.size());
+    const Eigen::ArrayXf ratio = (once.isNaN() || values.isNaN()).select(1.0F, values / once);
+    const float first = values[270] / once[270];
+    EXPECT_TRUE(std::abs(first - 1.0F) < 1e-3F || std::abs(first - 2.0F) < 1e-3F) << first;
+    EXPECT_TRUE(((ratio - first).abs() < 1e-3F || once.isNaN()).all()) << "two calibrations in one scan";
+  }
 }
 
 TEST_F(ReflectivityNodelet, PassesIntensitiesOnWithoutACalibration) {

@@ -151,16 +151,49 @@ void showProgress(const char* what, double share) {
   shown = percent;
 }
 
-// Where most samples are at the upper end, the scanner saturates.
-void warnOfSaturation(const std::vector<Sample>& samples) {
+// Before hours of work are lost.
+void checkFolderOf(const std::string& file) {
+  const std::filesystem::path folder = std::filesystem::absolute(file).parent_path();
+  if (!std::filesystem::is_directory(folder)) {
+    throw std::runtime_error(file + " can't be written: there is no folder " + folder.string());
+  }
+}
+
+std::string whyNoSample(const BagSamplesReport& report) {
+  const std::string all = "none of the " + std::to_string(report.messages) + " messages ";
+  if (report.messages == 0) return "the topic has no message";
+  if (report.malformed == report.messages) return all + "can be used: " + report.last_problem;
+  if (report.malformed + report.without_transform == report.messages) {
+    return all + "has a transform into --frame: " + report.last_problem;
+  }
+  if (report.in_region == 0) {
+    return "no beam is on the reference surface: check --beams, --box, --frame, --plane. Ranges out of the "
+           "scan's "
+           "range_min to range_max don't count";
+  }
+  return "none of the " + std::to_string(report.in_region) +
+         " beams on the reference surface has an angle of incidence: their neighbours must be on it, too. "
+         "See "
+         "--range-noise, --min-window, --min-length, --max-error; for clouds --neighbors, --radius, --leaf, "
+         "--accumulate";
+}
+
+// Where many samples have the greatest intensity, the scanner saturates, or gives no intensities at all.
+void checkIntensities(const std::vector<Sample>& samples) {
   const auto brighter = [](const Sample& a, const Sample& b) { return a.intensity < b.intensity; };
   const float max = std::max_element(samples.begin(), samples.end(), brighter)->intensity;
+  if (!(max > 0.0F)) {
+    throw std::runtime_error(
+        "all intensities on the reference surface are 0: the scanner or its driver doesn't give any");
+  }
   const auto at_max =
       std::count_if(samples.begin(), samples.end(), [max](const Sample& s) { return s.intensity == max; });
   const double share = static_cast<double>(at_max) / static_cast<double>(samples.size());
   if (share > 0.01) {
     std::cerr << "calibrate: " << 100.0 * share << " % of the samples have the intensity " << max
-              << ": if the scanner is saturated there, take a darker reference surface\n";
+              << ": if the scanner is saturated there, take a darker reference surface; if all are the same, "
+                 "it gives "
+                 "no intensities\n";
   }
 }
 
@@ -182,7 +215,20 @@ void draw(const Arguments& a) {
             << a.out << ' ' << a.report << '\n';
 }
 
+Calibration fit(const Arguments& a, const std::vector<Sample>& samples, std::vector<std::string>& problems) {
+  try {
+    return calibrate(samples, a.fit, &problems, [](double share) { showProgress("fitting", share); });
+  } catch (const std::invalid_argument& e) {
+    throw std::runtime_error(
+        std::string(e.what()) + ". " + std::to_string(samples.size()) +
+        " samples are too few, or too much alike: observe the surface from more distances and at "
+        "more angles, mark more of the beams, or try a lower --min-samples or larger --range-cell "
+        "and --incidence-cell");
+  }
+}
+
 void run(const Arguments& a) {
+  checkFolderOf(a.out);
   BagSamplesReport report;
   const std::vector<Sample> samples =
       collectSamples(a.bag, a.samples, report, [](double share) { showProgress("reading", share); });
@@ -193,14 +239,10 @@ void run(const Arguments& a) {
     std::cerr << "calibrate: left out " << report.malformed << " malformed messages and "
               << report.without_transform << " without a transform: " << report.last_problem << '\n';
   }
-  if (samples.empty()) {
-    throw std::runtime_error(
-        "there is no sample of the reference surface: check --beams, --box, --frame, --plane");
-  }
-  warnOfSaturation(samples);
+  if (samples.empty()) throw std::runtime_error(whyNoSample(report));
+  checkIntensities(samples);
   std::vector<std::string> problems;
-  Calibration calibration =
-      calibrate(samples, a.fit, &problems, [](double share) { showProgress("fitting", share); });
+  Calibration calibration = fit(a, samples, problems);
   std::cerr << '\n';
   calibration.scanner = a.scanner;
   calibration.reference = a.reference;

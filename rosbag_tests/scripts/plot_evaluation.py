@@ -63,6 +63,7 @@ def plot_errors(folder, scenario, costs):
     ways = figure.add_subplot(grid[:, 0])
     truth = numpy.loadtxt(folder / (scenario + '-truth.tum'))
     rows = [figure.add_subplot(grid[i, 1]) for i in range(2)]
+    lowest = {}
     for cost in costs:
         way = numpy.loadtxt(folder / (scenario + '-' + cost + '.tum'))
         ways.plot(way[:, 1], way[:, 2], color=COSTS[cost], linewidth=1, label=cost)
@@ -75,9 +76,11 @@ def plot_errors(folder, scenario, costs):
             axis.plot(time, values, ',', color=COSTS[cost], alpha=0.4)
             axis.plot(time, smooth(values, a_second), color=COSTS[cost], linewidth=1.2)
             axis.set_ylabel(label, fontsize=8)
-            # One jump where a map is lost would hide everything else.
-            greatest = numpy.quantile(values, 0.99)
-            axis.set_ylim(0.0, max(1.3 * greatest, axis.get_ylim()[1] if cost != costs[0] else 0.0))
+            lowest[key] = min(lowest.get(key, math.inf), numpy.quantile(values, 0.1))
+    for axis, (key, _, _) in zip(rows, MILLIMETRES):
+        axis.set_yscale('log')  # where a map is lost, all else would be too small
+        axis.set_ylim(bottom=0.5 * lowest[key])
+        axis.grid(True, alpha=0.3)
     ways.plot(truth[:, 1], truth[:, 2], 'k--', linewidth=0.8, label='truth')
     ways.set(aspect='equal', xlabel='x (m)', ylabel='y (m)')
     ways.legend(fontsize=8)

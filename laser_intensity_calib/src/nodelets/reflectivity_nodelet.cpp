@@ -136,7 +136,8 @@ bool ReflectivityNodelet::reload(std_srvs::Trigger::Request&, std_srvs::Trigger:
   try {
     use(parameters_.calibration_file, parameters_.model);
     response.success = true;
-    response.message = "Read " + parameters_.calibration_file;
+    response.message = parameters_.calibration_file.empty() ? "There is no calibration file to read"
+                                                            : "Read " + parameters_.calibration_file;
   } catch (const std::exception& e) {
     response.message = std::string(e.what()) + ". The calibration stays as it was";
   }
