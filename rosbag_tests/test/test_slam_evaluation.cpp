@@ -5,9 +5,11 @@
 #include <mapping_common/files.h>
 #include <mapping_common/testing/temp_dir.h>
 #include <rosbag_tests/slam_evaluation.h>
+#include <sys/wait.h>
 #include <yaml-cpp/yaml.h>
 
 #include <cmath>
+#include <cstdlib>
 #include <filesystem>
 #include <sstream>
 
@@ -238,6 +240,43 @@ TEST(Evaluation, MapPicture) {
   EXPECT_EQ(3u * width * height, picture.size() - header);
   writeMapPicture(dir.path("empty.ppm"), intensity_hector_slam::MultiMap().level(0), {}, {});
   EXPECT_EQ("P6\n1 1\n255\n", mapping_common::readFile(dir.path("empty.ppm")).substr(0, 11));
+}
+
+// The tool from end to end, and the pictures of what it wrote.
+TEST(Evaluation, ToolAndPlots) {
+  TempDir dir;
+  const auto run = [&](const std::string& command) {
+    return WEXITSTATUS(std::system((command + " >" + dir.path("log") + " 2>&1").c_str()));
+  };
+  const std::string tool =
+      EVALUATE_SLAM " " + configFile("slam_evaluation/room.yaml") + " --duration 1 --seeds 1 ";
+  ASSERT_EQ(0, run(tool + "--cost reflectivity combined --out " + dir.path("out")))
+      << mapping_common::readFile(dir.path("log"));
+  const YAML::Node runs = YAML::LoadFile(dir.path("out/evaluation.json"));
+  ASSERT_EQ(2u, runs.size());
+  for (const YAML::Node& one : runs) {
+    const std::string file = dir.path("out/room-" + one["cost"].as<std::string>());
+    const YAML::Node delta = YAML::LoadFile(file + ".json")["delta"];
+    EXPECT_EQ(one["scans"].as<std::size_t>(), delta["errors"]["time_s"].size() + 1);
+    EXPECT_DOUBLE_EQ(one["delta_translation_mean_m"].as<double>(),
+                     delta["translation_m"]["mean"].as<double>());
+    EXPECT_EQ(one["scans"].as<std::size_t>(), loadTrajectory(file + ".tum").poses().size());
+  }
+  EXPECT_EQ(2, run(tool + "--model lambert"));
+  EXPECT_TRUE(mentions(mapping_common::readFile(dir.path("log")), {"lambert", "raw, range, lut"}));
+  EXPECT_EQ(0, run(tool + "--model ideal --cost reflectivity"));
+
+  if (run("/usr/bin/python3 -c 'import matplotlib'") != 0)
+    GTEST_SKIP() << "no figures without python3-matplotlib";
+  EXPECT_EQ(0, run("/usr/bin/python3 " PLOT_EVALUATION " " + dir.path("out")))
+      << mapping_common::readFile(dir.path("log"));
+  for (const char* name : {"out/room-errors.png", "out/room-maps.png"})
+    EXPECT_GT(std::filesystem::file_size(dir.path(name)), 5000u) << name;
+  EXPECT_EQ(0, run("/usr/bin/python3 " PLOT_EVALUATION " " + dir.path("one.png") +
+                   " room=" + dir.path("out/room-combined.json")));
+  EXPECT_GT(std::filesystem::file_size(dir.path("one.png")), 5000u);
+  EXPECT_NE(0, run("/usr/bin/python3 " PLOT_EVALUATION " " + dir.path()));
+  EXPECT_TRUE(mentions(mapping_common::readFile(dir.path("log")), {"evaluate_slam --out"}));
 }
 
 // The thesis's case (Fig. 3.6). With all seeds: evaluate_slam config/slam_evaluation/room.yaml --seeds 100.
