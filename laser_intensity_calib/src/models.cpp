@@ -158,7 +158,9 @@ Eigen::ArrayXf withoutOffsets(const Calibration& calibration,
                               const Eigen::Ref<const Eigen::ArrayXi>& lasers) {
   if (calibration.offsets.empty()) return intensities;
   if (lasers.size() != intensities.size()) {
-    throw std::invalid_argument("the calibration has an offset for each laser, the cloud has no field ring");
+    throw std::invalid_argument(
+        "the calibration has an offset for each laser, and what is measured doesn't say its laser (field "
+        "ring of a cloud)");
   }
   return intensities.binaryExpr(lasers.cast<float>(), [&calibration](float intensity, float laser) {
     return calibration.withoutOffset(intensity, static_cast<int>(laser));

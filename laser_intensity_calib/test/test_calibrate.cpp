@@ -164,6 +164,34 @@ TEST_F(Calibrate, FindsThePlaneInClouds) {
   EXPECT_GT(good, 0.95 * samples.size());
 }
 
+TEST_F(Calibrate, FitsWhatTheLasersOfACloudAdd) {
+  {
+    rosbag::Bag bag(bag_, rosbag::bagmode::Append);
+    for (int scan = 0; scan < 20; ++scan) {
+      const float distance = 1.0F + 0.15F * scan;
+      std::vector<Eigen::Vector3f> points;
+      std::vector<std::uint16_t> intensities, rings;
+      for (int y = -20; y <= 20; ++y) {
+        for (int z = -20; z <= 20; ++z) {
+          points.emplace_back(distance, 0.06F * y, 0.06F * z);
+          const double range = points.back().norm();
+          rings.push_back(points.size() % 2);
+          intensities.push_back(static_cast<std::uint16_t>(response(range, std::acos(distance / range)) +
+                                                           (rings.back() == 0 ? 250.0 : 50.0)));
+        }
+      }
+      bag.write("/lidar", ros::Time(20.0 + scan), withRings(makeCloud(points, intensities), rings));
+    }
+  }
+  ASSERT_EQ(0, run("--bag " + bag_ + " --topic lidar --offsets --out " + out_)) << output();
+  EXPECT_TRUE(mentions(output(), {"Offsets of 2 lasers: -"}));
+  const Calibration c = loadCalibration(out_);
+  ASSERT_EQ(2u, c.offsets.size());
+  EXPECT_NEAR(200.0, c.offsets[0] - c.offsets[1], 10.0);
+  EXPECT_EQ(1, run("--bag " + bag_ + " --topic scan --offsets --out " + out_));
+  EXPECT_TRUE(mentions(output(), {"field ring"}));
+}
+
 // Scans across the way, each of one line of the wall: only together they show how it leans.
 TEST_F(Calibrate, PutsPushBroomScansTogether) {
   const double lean = 0.5;  // the wall's normal towards the way

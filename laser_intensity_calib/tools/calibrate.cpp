@@ -241,6 +241,10 @@ void run(const Arguments& a) {
   }
   if (samples.empty()) throw std::runtime_error(whyNoSample(report));
   checkIntensities(samples);
+  const auto of_another = [&samples](const Sample& s) { return s.laser != samples[0].laser; };
+  if (a.fit.offsets && std::none_of(samples.begin(), samples.end(), of_another))
+    throw std::runtime_error(
+        "all samples are of one laser: --offsets is for clouds of several, with the field ring");
   std::vector<std::string> problems;
   Calibration calibration = fit(a, samples, problems);
   std::cerr << '\n';
