@@ -27,50 +27,80 @@ GridMap::GridMap(double resolution, const Eigen::Vector2d& min, int width, int h
       width_(width),
       height_(height),
       cells_(static_cast<std::size_t>(width) * height),
-      counts_(cells_.size(), 0),
-      marks_(cells_.size(), 0) {}
+      counts_(cells_.size(), 0) {}
 
 GridMap::Interpolation GridMap::interpolate(const Eigen::Vector2d& point) const {
   const Eigen::Array2d at = (point - origin_).array() / resolution_ - 0.5;
-  Interpolation result{{0.5f, 0.0f}, {0.0f, 0.0f}, {0.0f, 0.0f}};
-  if (!(at.x() >= 0.0 && at.y() >= 0.0 && at.x() < width_ - 1 && at.y() < height_ - 1)) return result;
+  if (!(at.x() >= 0.0 && at.y() >= 0.0 && at.x() < width_ - 1 && at.y() < height_ - 1)) {
+    return {{0.5f, 0.0f}, {0.0f, 0.0f}, {0.0f, 0.0f}};
+  }
   const int x = static_cast<int>(at.x()), y = static_cast<int>(at.y());
-  const Cell* cell = &cells_[index(x, y)];
-  result =
-      interpolateCells(cell, cell + width_, static_cast<float>(at.x() - x), static_cast<float>(at.y() - y));
-  result.dx /= static_cast<float>(resolution_);
-  result.dy /= static_cast<float>(resolution_);
-  return result;
+  const auto both = [this](int column, int row) {
+    const Cell& cell = cells_[index(column, row)];
+    return Eigen::Array2f(cell.occupancy, cell.reflectivity);
+  };
+  const Bilinear<Eigen::Array2f> bilinear(both(x, y), both(x + 1, y), both(x, y + 1), both(x + 1, y + 1),
+                                          static_cast<float>(at.x() - x), static_cast<float>(at.y() - y));
+  const float cell = static_cast<float>(resolution_);
+  return {bilinear.value, bilinear.dx / cell, bilinear.dy / cell};
 }
 
 void GridMap::update(const Scan& scan, const Pose& pose, const MapOptions& options) {
   const Eigen::Vector2i from = cellAt(transform(pose, scan.origin.cast<double>()));
   if (!contains(from)) return;
-  if (mark_ >= 0xfffffff0u) {
-    std::fill(marks_.begin(), marks_.end(), 0);
-    mark_ = 0;
-  }
-  mark_ += 2;  // of hits; free cells get one less, so that a hit isn't cleared by the same scan
-
   const Eigen::Isometry2d to_map = Eigen::Translation2d(pose.head<2>()) * Eigen::Rotation2Dd(pose.z());
   ends_.resize(scan.points.size());
+  Eigen::AlignedBox2i box(from);
   for (std::size_t i = 0; i < scan.points.size(); ++i) {
     ends_[i] = cellAt(to_map * scan.points[i].cast<double>());
+    if (contains(ends_[i])) box.extend(ends_[i]);
+  }
+  marks_.reset(box);
+  for (std::size_t i = 0; i < ends_.size(); ++i) {
     if (!contains(ends_[i])) continue;
-    const std::size_t cell = index(ends_[i].x(), ends_[i].y());
-    hit(cell, options);
-    if (!scan.reflectivities.empty()) average(cell, scan.reflectivities[i], options.max_count);
+    // Neighbouring beams that end in one cell cross the same cells.
+    if (i == 0 || ends_[i] != ends_[i - 1]) markBeam(from, ends_[i], options.clear_margin);
+    if (!scan.reflectivities.empty()) {
+      average(index(ends_[i].x(), ends_[i].y()), scan.reflectivities[i], options.max_count);
+    }
   }
-  for (const Eigen::Vector2i& end : ends_) {
-    if (contains(end)) clearBeam(from, end, options);
-  }
+  applyMarks(options);
 }
 
-void GridMap::hit(std::size_t cell, const MapOptions& options) {
-  if (marks_[cell] == mark_) return;
-  marks_[cell] = mark_;
-  const float updated = observed(cells_[cell].occupancy, odds(options.update_factor_occupied));
-  cells_[cell].occupancy = std::min(updated, static_cast<float>(options.max_probability));
+void GridMap::Marks::reset(const Eigen::AlignedBox2i& box) {
+  min = box.min();
+  height = box.sizes().y() + 1;
+  width = (box.sizes().x() / kStep + 1) * kStep;
+  values.assign(static_cast<std::size_t>(width) * height, kNone);
+}
+
+// Row by row, which is how the cells are in memory.
+void GridMap::applyMarks(const MapOptions& options) {
+  const float hit_odds = odds(options.update_factor_occupied), miss_odds = odds(options.update_factor_free);
+  const float most = static_cast<float>(options.max_probability),
+              least = static_cast<float>(options.min_probability);
+  for (int y = 0; y < marks_.height; ++y) {
+    const std::uint8_t* const row = &marks_.values[static_cast<std::size_t>(y) * marks_.width];
+    const std::size_t first = index(marks_.min.x(), marks_.min.y() + y);
+    for (int x = 0; x < marks_.width; ++x) {
+      if (x % Marks::kStep == 0 && std::equal(row + x, row + x + Marks::kStep, Marks::kNothing)) {
+        x += Marks::kStep - 1;
+        continue;
+      }
+      if (row[x] == Marks::kNone) continue;
+      Cell& cell = cells_[first + x];
+      if (row[x] == Marks::kHit) {
+        cell.occupancy = std::min(observed(cell.occupancy, hit_odds), most);
+      } else if (row[x] == Marks::kClear || (row[x] == Marks::kClearUnknown && !isKnown(cell))) {
+        if (cell.occupancy <= least) continue;
+        cell.occupancy = std::max(observed(cell.occupancy, miss_odds), least);
+        if (isFree(cell) && counts_[first + x] > 0) {
+          counts_[first + x] = 0;
+          cell.reflectivity = 0.0f;
+        }
+      }
+    }
+  }
 }
 
 void GridMap::average(std::size_t cell, float reflectivity, int max_count) {
@@ -79,40 +109,33 @@ void GridMap::average(std::size_t cell, float reflectivity, int max_count) {
   cells_[cell].reflectivity += (reflectivity - cells_[cell].reflectivity) / counts_[cell];
 }
 
-// Bresenham's line, without its last cell.
-void GridMap::clearBeam(const Eigen::Vector2i& from, const Eigen::Vector2i& to, const MapOptions& options) {
-  const float free_odds = odds(options.update_factor_free);
-  const float min_probability = static_cast<float>(options.min_probability);
+// Bresenham's line.
+void GridMap::markBeam(const Eigen::Vector2i& from, const Eigen::Vector2i& to, double clear_margin) {
   const int dx = std::abs(to.x() - from.x()), dy = std::abs(to.y() - from.y());
-  std::ptrdiff_t major = to.x() > from.x() ? 1 : -1, minor = to.y() > from.y() ? width_ : -width_;
+  std::ptrdiff_t major = to.x() > from.x() ? 1 : -1, minor = to.y() > from.y() ? marks_.width : -marks_.width;
   int length = dx, rise = dy;
   if (dy > dx) {
     std::swap(major, minor);
     std::swap(length, rise);
   }
-  const double unsure = options.clear_margin / resolution_ * length / std::max(1.0, std::hypot(dx, dy));
+  const double unsure = clear_margin / resolution_ * length / std::max(1.0, std::hypot(dx, dy));
   const int sure = length - std::min<double>(length, std::ceil(unsure));
-  std::size_t cell = index(from.x(), from.y());
+  std::uint8_t* mark = marks_.find(from);
   int error = length / 2;
-  for (int i = 0; i < length; ++i) {
-    if (marks_[cell] < mark_ - 1 && (i < sure || !isKnown(cells_[cell]))) {
-      marks_[cell] = mark_ - 1;
-      float& occupancy = cells_[cell].occupancy;
-      if (occupancy > min_probability) {
-        occupancy = std::max(observed(occupancy, free_odds), min_probability);
-        if (occupancy < 0.5f && counts_[cell] > 0) {
-          counts_[cell] = 0;
-          cells_[cell].reflectivity = 0.0f;
-        }
+  const auto clear = [&](int steps, std::uint8_t value) {
+    for (int i = 0; i < steps; ++i) {
+      *mark = std::max(*mark, value);
+      mark += major;
+      error -= rise;
+      if (error < 0) {
+        mark += minor;
+        error += length;
       }
     }
-    cell += major;
-    error -= rise;
-    if (error < 0) {
-      cell += minor;
-      error += length;
-    }
-  }
+  };
+  clear(sure, Marks::kClear);
+  clear(length - sure, Marks::kClearUnknown);
+  *marks_.find(to) = Marks::kHit;
 }
 
 void GridMap::grow(int left, int right, int below, int above) {

@@ -66,6 +66,7 @@ void MatcherOptions::validate() const {
   require("max_step_angle", max_step_angle, 1e-4, M_PI);
   require("min_step_distance", min_step_distance, 0.0, max_step_distance);
   require("min_step_angle", min_step_angle, 0.0, max_step_angle);
+  require("coarse_step", coarse_step, 0.0, 1.0);
   require("min_eigenvalue_ratio", min_eigenvalue_ratio, 0.0, 1.0);
   require("probe_distance", probe_distance, 1e-3, 100.0);
   require("min_observability", min_observability, 0.0, 1.0);

@@ -3,6 +3,7 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -17,63 +18,93 @@ using Eigen::Vector3d;
 
 constexpr int kLanes = 4;  // beams at a time
 
-struct Robust {
-  Array4f weight, cost;
-};
-
-Robust robust(RobustKernel kernel, float scale, const Array4f& e) {
-  const Array4f square = e.square(), relative = square / (scale * scale);
-  switch (kernel) {
-    case RobustKernel::kHuber: {
-      const Array4f weight = (scale / e.abs().max(scale)).eval();
-      return {weight, square * weight * (2.0f - weight)};
-    }
-    case RobustKernel::kCauchy:
-      return {1.0f / (1.0f + relative), scale * scale * (1.0f + relative).log()};
-    case RobustKernel::kTukey: {
-      const Array4f inside = (1.0f - relative).max(0.0f);
-      return {inside.square(), scale * scale / 3.0f * (1.0f - inside.cube())};
-    }
-    case RobustKernel::kNone:
-      break;
+// Of kLanes cells, with the ones right of them: P, R, P and R of those right.
+Eigen::Matrix4f gather(const std::array<const GridMap::Cell*, kLanes>& cells) {
+  Eigen::Matrix4f values;
+  for (int i = 0; i < kLanes; ++i) {
+    values.col(i) = Eigen::Map<const Eigen::Vector4f>(&cells[i]->occupancy);
   }
-  return {Array4f::Ones(), square};
+  values.transposeInPlace();
+  return values;
 }
 
 // Sums over beams of one kind of residual.
-struct Sums {
-  Array4f xx = Array4f::Zero(), xy = xx, xt = xx, yy = xx, yt = xx, tt = xx, xe = xx, ye = xx, te = xx;
-  Array4f cost = xx, squares = xx, weights = xx;
+class Sums {
+ public:
+  Sums(RobustKernel kernel, float scale)
+      : kernel_(kernel), scale_(scale), inverse_square_(1.0f / (scale * scale)) {}
+
+  // e: residual; dx, dy, dt: derivatives of the map's value by the pose; mask: 0 for beams that don't count
+  void add(Array4f e, const Array4f& dx, const Array4f& dy, const Array4f& dt, const Array4f& mask) {
+    e *= mask;
+    const Array4f w = mask * weigh(e);
+    const Array4f wx = w * dx, wy = w * dy, wt = w * dt;
+    xx_ += wx * dx;
+    xy_ += wx * dy;
+    xt_ += wx * dt;
+    yy_ += wy * dy;
+    yt_ += wy * dt;
+    tt_ += wt * dt;
+    xe_ += wx * e;
+    ye_ += wy * e;
+    te_ += wt * e;
+    squares_ += w * e.square();
+    weights_ += w;
+  }
 
   // From cells to metres: derivatives by the angle are per radian already.
-  ScanMatcher::NormalEquation equation(double cells_per_metre) const {
-    const double m = cells_per_metre, mm = m * m;
+  ScanMatcher::NormalEquation addTo(ScanMatcher::Linearization& total, double weight,
+                                    double cells_per_metre) {
+    total.cost += weight * (cost_ + scale_ * scale_ * product_.log()).sum();
+    total.squares += weight * squares_.sum();
+    total.weights += weight * weights_.sum();
+    const double m = weight * cells_per_metre, mm = m * cells_per_metre;
     ScanMatcher::NormalEquation equation;
-    equation.hessian << mm * xx.sum(), mm * xy.sum(), m * xt.sum(),  //
-        mm * xy.sum(), mm * yy.sum(), m * yt.sum(),                  //
-        m * xt.sum(), m * yt.sum(), tt.sum();
-    equation.gradient << m * xe.sum(), m * ye.sum(), te.sum();
+    equation.hessian << mm * xx_.sum(), mm * xy_.sum(), m * xt_.sum(),  //
+        mm * xy_.sum(), mm * yy_.sum(), m * yt_.sum(),                  //
+        m * xt_.sum(), m * yt_.sum(), weight * tt_.sum();
+    equation.gradient << m * xe_.sum(), m * ye_.sum(), weight * te_.sum();
     return equation;
   }
 
-  // e: residual; dx, dy, dt: derivatives of the map's value by the pose
-  void add(const Array4f& e, const Array4f& dx, const Array4f& dy, const Array4f& dt, const Array4f& factor,
-           const Robust& robust) {
-    const Array4f w = factor * robust.weight;
-    const Array4f wx = w * dx, wy = w * dy, wt = w * dt;
-    xx += wx * dx;
-    xy += wx * dy;
-    xt += wx * dt;
-    yy += wy * dy;
-    yt += wy * dt;
-    tt += wt * dt;
-    xe += wx * e;
-    ye += wy * e;
-    te += wt * e;
-    cost += factor * robust.cost;
-    squares += w * e.square();
-    weights += w;
+ private:
+  // The weights of residuals, whose robust costs are added up.
+  Array4f weigh(const Array4f& e) {
+    const Array4f square = e.square(), relative = square * inverse_square_;
+    switch (kernel_) {
+      case RobustKernel::kHuber: {
+        const Array4f weight = scale_ / e.abs().max(scale_);
+        cost_ += square * weight * (2.0f - weight);
+        return weight;
+      }
+      case RobustKernel::kCauchy: {
+        // s^2 log(1 + (e / s)^2); the logarithm of a product is quicker than one for each residual.
+        const Array4f factor = 1.0f + relative.min(1e9f);
+        product_ *= factor;
+        if (++factors_ % 4 == 0) {  // before it overflows
+          cost_ += scale_ * scale_ * product_.log();
+          product_.setOnes();
+        }
+        return factor.inverse();
+      }
+      case RobustKernel::kTukey: {
+        const Array4f inside = (1.0f - relative).max(0.0f);
+        cost_ += scale_ * scale_ / 3.0f * (1.0f - inside.cube());
+        return inside.square();
+      }
+      case RobustKernel::kNone:
+        break;
+    }
+    cost_ += square;
+    return Array4f::Ones();
   }
+
+  RobustKernel kernel_;
+  float scale_, inverse_square_;
+  Array4f xx_ = Array4f::Zero(), xy_ = xx_, xt_ = xx_, yy_ = xx_, yt_ = xx_, tt_ = xx_, xe_ = xx_, ye_ = xx_,
+          te_ = xx_;
+  Array4f squares_ = xx_, weights_ = xx_, cost_ = xx_, product_ = Array4f::Ones();
+  int factors_ = 0;
 };
 
 using EigenSolver = Eigen::SelfAdjointEigenSolver<Matrix3d>;
@@ -189,56 +220,55 @@ float ScanMatcher::weightOf(Cost kind, Cost cost) const {
 ScanMatcher::Linearization ScanMatcher::linearize(const GridMap& map, const Pose& pose, Cost cost) const {
   const float occupancy_weight = weightOf(Cost::kOccupancy, cost),
               reflectivity_weight = weightOf(Cost::kReflectivity, cost);
-  const float scale = options_.robust_scale;
   // From the body's frame to coordinates in which cell (0, 0) has its centre at (0, 0): Eq. 3.7 in cells.
   const double cells = 1.0 / map.resolution();
   const float c = cells * std::cos(pose.z()), s = cells * std::sin(pose.z());
   const float u0 = cells * (pose.x() - map.origin().x()) - 0.5,
               v0 = cells * (pose.y() - map.origin().y()) - 0.5;
-  const float max_u = map.width() - 1, max_v = map.height() - 1;
   const GridMap::Cell* const data = map.cells().data();
+  static constexpr GridMap::Cell unknown[2];
   const int width = map.width();
+  const unsigned columns = map.width() - 1, rows = map.height() - 1;  // that have another after them
+  // So that conversion to int rounds down what is just outside; far outside stays outside.
+  const Array4f max_u = Array4f::Constant(map.width() + 1.0f), max_v = Array4f::Constant(map.height() + 1.0f);
 
-  Sums occupancy, reflectivity;
+  Sums occupancy(options_.robust_kernel, options_.robust_scale), reflectivity = occupancy;
   for (std::size_t first = 0; first < beams_.x.size(); first += kLanes) {
     const Eigen::Map<const Array4f> x(&beams_.x[first]), y(&beams_.y[first]);
     const Array4f dx_dtheta = -s * x - c * y, dy_dtheta = c * x - s * y;  // of S_i, in cells
     const Array4f u = dy_dtheta + u0, v = v0 - dx_dtheta;
-
-    Array4f value[2], dx[2], dy[2];
+    const Array4f u1 = (u + 1.0f).max(0.0f).min(max_u), v1 = (v + 1.0f).max(0.0f).min(max_v);
+    Eigen::Array4i column, row;  // rounded down from -1 on
+    for (int i = 0; i < kLanes; ++i) column[i] = static_cast<int>(u1[i]) - 1;
+    for (int i = 0; i < kLanes; ++i) row[i] = static_cast<int>(v1[i]) - 1;
+    std::array<const GridMap::Cell*, kLanes> lower, upper;
     for (int i = 0; i < kLanes; ++i) {
-      GridMap::Interpolation at{{0.5f, 0.0f}, {0.0f, 0.0f}, {0.0f, 0.0f}};
-      if (u[i] >= 0.0f && v[i] >= 0.0f && u[i] < max_u && v[i] < max_v) {
-        const int column = static_cast<int>(u[i]), row = static_cast<int>(v[i]);
-        const GridMap::Cell* const cell = data + static_cast<std::size_t>(row) * width + column;
-        at = interpolateCells(cell, cell + width, u[i] - column, v[i] - row);
-      }
-      for (int k = 0; k < 2; ++k) {
-        value[k][i] = at.value[k];
-        dx[k][i] = at.dx[k];
-        dy[k][i] = at.dy[k];
-      }
+      const bool inside = static_cast<unsigned>(column[i]) < columns && static_cast<unsigned>(row[i]) < rows;
+      lower[i] = inside ? data + static_cast<std::size_t>(row[i]) * width + column[i] : unknown;
+      upper[i] = inside ? lower[i] + width : unknown;
     }
+    const Array4f fx = u - column.cast<float>(), fy = v - row.cast<float>();
+    const Eigen::Matrix4f low = gather(lower), high = gather(upper);
+    const auto interpolate = [&](int k) {
+      return Bilinear<Array4f>(low.col(k), low.col(k + 2), high.col(k), high.col(k + 2), fx, fy);
+    };
     if (occupancy_weight > 0.0f) {
-      const Array4f e = 1.0f - value[0];
-      occupancy.add(e, dx[0], dy[0], dx[0] * dx_dtheta + dy[0] * dy_dtheta,
-                    occupancy_weight * Eigen::Map<const Array4f>(&beams_.valid[first]),
-                    robust(options_.robust_kernel, scale, e));
+      const Bilinear<Array4f> m = interpolate(0);
+      const Array4f e = 1.0f - m.value;
+      occupancy.add(e, m.dx, m.dy, m.dx * dx_dtheta + m.dy * dy_dtheta,
+                    Eigen::Map<const Array4f>(&beams_.valid[first]));
     }
     if (reflectivity_weight > 0.0f) {
-      const Array4f e = Eigen::Map<const Array4f>(&beams_.reflectivity[first]) - value[1];
-      reflectivity.add(e, dx[1], dy[1], dx[1] * dx_dtheta + dy[1] * dy_dtheta,
-                       reflectivity_weight * Eigen::Map<const Array4f>(&beams_.known[first]),
-                       robust(options_.robust_kernel, scale, e));
+      const Bilinear<Array4f> r = interpolate(1);
+      const Array4f e = Eigen::Map<const Array4f>(&beams_.reflectivity[first]) - r.value;
+      reflectivity.add(e, r.dx, r.dy, r.dx * dx_dtheta + r.dy * dy_dtheta,
+                       Eigen::Map<const Array4f>(&beams_.known[first]));
     }
   }
 
   Linearization result;
-  result.occupancy = occupancy.equation(cells);
-  result.reflectivity = reflectivity.equation(cells);
-  result.cost = occupancy.cost.sum() + reflectivity.cost.sum();
-  result.squares = occupancy.squares.sum() + reflectivity.squares.sum();
-  result.weights = occupancy.weights.sum() + reflectivity.weights.sum();
+  result.occupancy = occupancy.addTo(result, occupancy_weight, cells);
+  result.reflectivity = reflectivity.addTo(result, reflectivity_weight, cells);
   return result;
 }
 
@@ -266,8 +296,8 @@ Matrix3d ScanMatcher::project(const GridMap& map, const Pose& pose, Cost kind, c
 }
 
 // Both kinds are looked at in the same directions, so that what neither tells is left over by their sum, too.
-ScanMatcher::Observability ScanMatcher::observe(const GridMap& map, const Pose& pose, Cost cost) const {
-  const Linearization at = linearize(map, pose, cost);
+ScanMatcher::Observability ScanMatcher::observe(const GridMap& map, const Pose& pose,
+                                                const Linearization& at) const {
   const Matrix3d occupancy = scaled(at.occupancy.hessian, beams_.mean_range);
   const Matrix3d reflectivity = scaled(at.reflectivity.hessian, beams_.mean_range);
   const Matrix3d directions = EigenSolver(occupancy + reflectivity).eigenvectors();
@@ -278,42 +308,47 @@ ScanMatcher::Observability ScanMatcher::observe(const GridMap& map, const Pose& 
   return result;
 }
 
-int ScanMatcher::optimize(const GridMap& map, Cost cost, const Observability& observability,
-                          Pose& pose) const {
+ScanMatcher::Linearization ScanMatcher::optimize(const GridMap& map, const Observability& observability,
+                                                 double min_distance, double min_angle, Pose& pose,
+                                                 Match& match) const {
   // What is projected away still is in the cost, which then doesn't tell whether a step is good.
   const int max_halvings = observability.full ? options_.max_halvings : 0;
-  Linearization at = linearize(map, pose, cost);
-  int iterations = 0;
-  while (iterations < options_.max_iterations) {
-    ++iterations;
+  Linearization at = linearize(map, pose, match.cost);
+  for (int iteration = 0; iteration < options_.max_iterations; ++iteration) {
+    ++match.iterations;
     Vector3d step = Solver(at, beams_.mean_range, observability).step();
     const double distance = step.head<2>().norm(), angle = std::abs(step.z());
+    if (distance < min_distance && angle < min_angle) {
+      pose += step;
+      break;
+    }
     step /= std::max({1.0, distance / options_.max_step_distance, angle / options_.max_step_angle});
 
     Pose next_pose = pose + step;
-    Linearization next = linearize(map, next_pose, cost);
+    Linearization next = linearize(map, next_pose, match.cost);
     for (int i = 0; i < max_halvings && !(next.cost < at.cost); ++i) {
       step *= 0.5;
       next_pose = pose + step;
-      next = linearize(map, next_pose, cost);
+      next = linearize(map, next_pose, match.cost);
     }
     if (max_halvings > 0 && !(next.cost < at.cost)) break;
     pose = next_pose;
     at = next;
-    if (step.head<2>().norm() < options_.min_step_distance && std::abs(step.z()) < options_.min_step_angle)
-      break;
   }
-  return iterations;
+  return at;
 }
 
 // Coarse to fine.
-Pose ScanMatcher::descend(const MultiMap& map, const Pose& start, const Observability& observability,
-                          Match& match) const {
-  Pose pose = start;
-  for (int i = map.levels() - 1; i >= 0; --i) {
-    match.iterations += optimize(map.level(i), match.cost, observability, pose);
+ScanMatcher::Linearization ScanMatcher::descend(const MultiMap& map, const Observability& observability,
+                                                Pose& pose, Match& match) const {
+  for (int i = map.levels() - 1; i > 0; --i) {
+    const double distance =
+        std::max(options_.min_step_distance, options_.coarse_step * map.level(i).resolution());
+    optimize(map.level(i), observability, distance,
+             std::max(options_.min_step_angle, distance / beams_.mean_range), pose, match);
   }
-  return pose;
+  return optimize(map.level(0), observability, options_.min_step_distance, options_.min_step_angle, pose,
+                  match);
 }
 
 Match ScanMatcher::match(const MultiMap& map, const Scan& scan, const Pose& guess, bool search) {
@@ -324,11 +359,13 @@ Match ScanMatcher::match(const MultiMap& map, const Scan& scan, const Pose& gues
   const GridMap& finest = map.level(0);
   const GridMap& coarsest = map.level(map.levels() - 1);
   const Pose start = search ? searchWindow(coarsest, guess, match.cost) : guess;
-  Pose pose = descend(map, start, {}, match);
-  const Observability observability = observe(finest, pose, match.cost);
-  if (!observability.full) pose = descend(map, start, observability, match);
-
-  const Linearization at = linearize(finest, pose, match.cost);
+  Pose pose = start;
+  Linearization at = descend(map, {}, pose, match);
+  const Observability observability = observe(finest, pose, at);
+  if (!observability.full) {
+    pose = start;
+    at = descend(map, observability, pose, match);
+  }
   const Solver solver(at, beams_.mean_range, observability);
   match.hessian = at.occupancy.hessian + at.reflectivity.hessian;
   match.observable = solver.observable();
@@ -346,9 +383,11 @@ Match ScanMatcher::match(const MultiMap& map, const Scan& scan, const Pose& gues
 
 // On the coarsest level, whose cells are larger than the noise.
 void ScanMatcher::assess(const GridMap& map, Match& match) const {
+  const Eigen::Isometry2d to_map =
+      Eigen::Translation2d(match.pose.head<2>()) * Eigen::Rotation2Dd(match.pose.z());
   std::size_t free = 0, occupied = 0;
   for (std::size_t i = 0; i < beams_.count; ++i) {
-    const GridMap::Cell* cell = map.find(transform(match.pose, {beams_.x[i], beams_.y[i]}));
+    const GridMap::Cell* cell = map.find(to_map * Eigen::Vector2d(beams_.x[i], beams_.y[i]));
     if (!cell) continue;
     free += GridMap::isFree(*cell);
     occupied += GridMap::isOccupied(*cell);
@@ -368,7 +407,8 @@ Cost ScanMatcher::chooseCost(const GridMap& map, const Scan& scan, const Pose& g
   const auto middle = spacing.begin() + spacing.size() / 2;
   std::nth_element(spacing.begin(), middle, spacing.end());
   if (middle == spacing.end() || *middle <= options_.auto_max_spacing) return Cost::kCombined;
-  return observe(map, guess, Cost::kOccupancy).full ? Cost::kOccupancy : Cost::kCombined;
+  const Linearization at = linearize(map, guess, Cost::kOccupancy);
+  return observe(map, guess, at).full ? Cost::kOccupancy : Cost::kCombined;
 }
 
 // All poses of a grid of poses as fine as the cells, with the nearest cells instead of interpolation.

@@ -77,17 +77,30 @@ class GridMap {
     if (!(at.x() >= 0.0 && at.y() >= 0.0 && at.x() < width_ && at.y() < height_)) return {-1, -1};
     return at.cast<int>();
   }
-  void hit(std::size_t cell, const MapOptions& options);
+  // What a scan does to cells, the strongest of all beams: in a box around it, small enough for the cache.
+  struct Marks {
+    enum : std::uint8_t { kNone, kClearUnknown, kClear, kHit };
+    static constexpr int kStep = 8;  // cells of a row that are skipped at once
+    static constexpr std::uint8_t kNothing[kStep] = {};
+    Eigen::Vector2i min;  // cell
+    int width = 0, height = 0;
+    std::vector<std::uint8_t> values;
+
+    void reset(const Eigen::AlignedBox2i& box);
+    std::uint8_t* find(const Eigen::Vector2i& cell) {
+      return &values[static_cast<std::size_t>(cell.y() - min.y()) * width + cell.x() - min.x()];
+    }
+  };
+  void markBeam(const Eigen::Vector2i& from, const Eigen::Vector2i& to, double clear_margin);
+  void applyMarks(const MapOptions& options);
   void average(std::size_t cell, float reflectivity, int max_count);
-  void clearBeam(const Eigen::Vector2i& from, const Eigen::Vector2i& to, const MapOptions& options);
 
   double resolution_ = 0.0;
   Eigen::Vector2d origin_ = Eigen::Vector2d::Zero();
   int width_ = 0, height_ = 0;
   std::vector<Cell> cells_;
   std::vector<std::uint16_t> counts_;
-  std::vector<std::uint32_t> marks_;  // update in which a cell changed last, see update()
-  std::uint32_t mark_ = 0;
+  Marks marks_;
   std::vector<Eigen::Vector2i> ends_;  // cells of the scan's points
 };
 

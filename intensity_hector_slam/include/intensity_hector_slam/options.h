@@ -67,6 +67,7 @@ struct MatcherOptions {
   double max_step_angle = 0.1;      ///< rad, of one iteration
   double min_step_distance = 2e-4;  ///< m, an iteration that moves less is the last
   double min_step_angle = 1e-4;     ///< rad, and turns less
+  double coarse_step = 0.05;        ///< cells: less is the last iteration on all but the finest level
   /// Where H is less in some direction than min_eigenvalue_ratio of its greatest eigenvalue (angles times the
   /// scan's mean range), the cost is probed on both sides, at probe_distance. If it rises by less than
   /// min_observability of what it rises in the best direction, then what H holds there is the noise of the

@@ -65,15 +65,17 @@ class ScanMatcher {
 
   void prepare(const Scan& scan);
   Linearization linearize(const GridMap& map, const Pose& pose, Cost cost) const;
-  Observability observe(const GridMap& map, const Pose& pose, Cost cost) const;
+  Observability observe(const GridMap& map, const Pose& pose, const Linearization& at) const;
   Eigen::Matrix3d project(const GridMap& map, const Pose& pose, Cost kind, const Eigen::Matrix3d& hessian,
                           const Eigen::Matrix3d& directions) const;
   float weightOf(Cost kind, Cost cost) const;
   Cost chooseCost(const GridMap& map, const Scan& scan, const Pose& guess) const;
   Pose searchWindow(const GridMap& map, const Pose& guess, Cost cost) const;
-  Pose descend(const MultiMap& map, const Pose& start, const Observability& observability,
-               Match& match) const;
-  int optimize(const GridMap& map, Cost cost, const Observability& observability, Pose& pose) const;
+  /// Both move the pose, and return the cost where the last step starts, on the finest level.
+  Linearization descend(const MultiMap& map, const Observability& observability, Pose& pose,
+                        Match& match) const;
+  Linearization optimize(const GridMap& map, const Observability& observability, double min_distance,
+                         double min_angle, Pose& pose, Match& match) const;
   void assess(const GridMap& map, Match& match) const;
 
   MatcherOptions options_;

@@ -5,12 +5,13 @@
 #include <array>
 #include <cmath>
 #include <stdexcept>
+#include <vector>
 
 namespace intensity_hector_slam {
 namespace {
 
-template <class Value>
-nav_msgs::OccupancyGrid toGrid(const GridMap& map, const Value& value) {
+template <class In, class Value>
+nav_msgs::OccupancyGrid toGrid(const GridMap& map, const std::vector<In>& in, const Value& value) {
   nav_msgs::OccupancyGrid grid;
   grid.info.resolution = static_cast<float>(map.resolution());
   grid.info.width = map.width();
@@ -18,26 +19,28 @@ nav_msgs::OccupancyGrid toGrid(const GridMap& map, const Value& value) {
   grid.info.origin.position.x = map.origin().x();
   grid.info.origin.position.y = map.origin().y();
   grid.info.origin.orientation.w = 1.0;
-  grid.data.resize(map.cells().size());
-  for (std::size_t i = 0; i < grid.data.size(); ++i) grid.data[i] = value(i);
+  grid.data.resize(in.size());
+  std::transform(in.begin(), in.end(), grid.data.begin(), value);
   return grid;
 }
 
 }  // namespace
 
 nav_msgs::OccupancyGrid toOccupancyGrid(const GridMap& map) {
-  return toGrid(map, [&map](std::size_t i) -> std::int8_t {
-    const GridMap::Cell& cell = map.cells()[i];
+  return toGrid(map, map.cells(), [](const GridMap::Cell& cell) -> std::int8_t {
     return GridMap::isKnown(cell) ? (GridMap::isOccupied(cell) ? 100 : 0) : -1;
   });
 }
 
 nav_msgs::OccupancyGrid toReflectivityGrid(const GridMap& map) {
-  return toGrid(map, [&map](std::size_t i) -> std::int8_t {
-    if (map.counts()[i] == 0) return -1;
-    return static_cast<std::int8_t>(
-        std::lround(100.0f * std::clamp(map.cells()[i].reflectivity, 0.0f, 1.0f)));
-  });
+  nav_msgs::OccupancyGrid grid =
+      toGrid(map, map.counts(), [](std::uint16_t count) -> std::int8_t { return count > 0 ? 0 : -1; });
+  for (std::size_t i = 0; i < grid.data.size(); ++i) {
+    if (grid.data[i] < 0) continue;
+    grid.data[i] =
+        static_cast<std::int8_t>(std::lround(100.0f * std::clamp(map.cells()[i].reflectivity, 0.0f, 1.0f)));
+  }
+  return grid;
 }
 
 mapping_msgs::EdgeConstraint toMessage(const Edge& edge, const std::string& map_frame,

@@ -53,6 +53,7 @@ void readMatcher(mapping_common::Parameters& p, MatcherOptions& o) {
   o.max_step_angle = p.get("max_step_angle", o.max_step_angle);
   o.min_step_distance = p.get("min_step_distance", o.min_step_distance);
   o.min_step_angle = p.get("min_step_angle", o.min_step_angle);
+  o.coarse_step = p.get("coarse_step", o.coarse_step);
   o.min_eigenvalue_ratio = p.get("min_eigenvalue_ratio", o.min_eigenvalue_ratio);
   o.probe_distance = p.get("probe_distance", o.probe_distance);
   o.min_observability = p.get("min_observability", o.min_observability);
