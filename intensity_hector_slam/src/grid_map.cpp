@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <cstring>
 
 #include "interpolation.h"
 
@@ -70,7 +71,7 @@ void GridMap::update(const Scan& scan, const Pose& pose, const MapOptions& optio
 void GridMap::Marks::reset(const Eigen::AlignedBox2i& box) {
   min = box.min();
   height = box.sizes().y() + 1;
-  width = (box.sizes().x() / kStep + 1) * kStep;
+  width = (box.sizes().x() / sizeof(Word) + 1) * sizeof(Word);
   values.assign(static_cast<std::size_t>(width) * height, kNone);
 }
 
@@ -83,9 +84,13 @@ void GridMap::applyMarks(const MapOptions& options) {
     const std::uint8_t* const row = &marks_.values[static_cast<std::size_t>(y) * marks_.width];
     const std::size_t first = index(marks_.min.x(), marks_.min.y() + y);
     for (int x = 0; x < marks_.width; ++x) {
-      if (x % Marks::kStep == 0 && std::equal(row + x, row + x + Marks::kStep, Marks::kNothing)) {
-        x += Marks::kStep - 1;
-        continue;
+      if (x % sizeof(Marks::Word) == 0) {
+        Marks::Word word;
+        std::memcpy(&word, row + x, sizeof(word));
+        if (word == 0) {
+          x += sizeof(word) - 1;
+          continue;
+        }
       }
       if (row[x] == Marks::kNone) continue;
       Cell& cell = cells_[first + x];

@@ -77,6 +77,7 @@ TEST(Parameters, AreThoseOfTheFileThatShips) {
                                m.max_step_angle,
                                m.min_step_distance,
                                m.min_step_angle,
+                               m.coarse_step,
                                m.min_eigenvalue_ratio,
                                m.probe_distance,
                                m.min_observability,

@@ -80,9 +80,8 @@ class GridMap {
   // What a scan does to cells, the strongest of all beams: in a box around it, small enough for the cache.
   struct Marks {
     enum : std::uint8_t { kNone, kClearUnknown, kClear, kHit };
-    static constexpr int kStep = 8;  // cells of a row that are skipped at once
-    static constexpr std::uint8_t kNothing[kStep] = {};
-    Eigen::Vector2i min;  // cell
+    using Word = std::uint64_t;  // cells of a row that are skipped at once, none marked
+    Eigen::Vector2i min;         // cell
     int width = 0, height = 0;
     std::vector<std::uint8_t> values;
 

@@ -31,12 +31,14 @@ Scan toScan(const sensor_msgs::LaserScan& message, const Eigen::Isometry3d& sens
   Scan scan;
   scan.stamp = message.header.stamp.toSec();
   scan.origin = sensor_in_body.translation().head<2>().cast<float>();
-  for (std::size_t i = 0; i < beams; ++i) {
+  scan.points.reserve(beams);
+  Eigen::Vector2d direction = Eigen::Rotation2Dd(message.angle_min) * Eigen::Vector2d::UnitX();
+  const Eigen::Matrix2d next = Eigen::Rotation2Dd(message.angle_increment).toRotationMatrix();
+  for (std::size_t i = 0; i < beams; ++i, direction = next * direction) {
     const double range = message.ranges[i];
     if (!(range >= min_range && range <= max_range)) continue;
-    const double angle = message.angle_min + static_cast<double>(i) * message.angle_increment;
     const Eigen::Vector3d point =
-        sensor_in_body * Eigen::Vector3d(range * std::cos(angle), range * std::sin(angle), 0.0);
+        sensor_in_body * Eigen::Vector3d(range * direction.x(), range * direction.y(), 0.0);
     const double height = point.z() - sensor_in_body.translation().z();
     if (height < limits.min_z || height > limits.max_z) continue;
     scan.points.push_back(point.head<2>().cast<float>());
