@@ -42,8 +42,7 @@ class TransformQueue {
           const std_msgs::Header& header = message->header;
           std::string why = header.frame_id.empty() ? "it has no frame_id" : "it waited for too long";
           for (const std::string& frame : frames) {
-            if (header.frame_id.empty() ||
-                !buffer.canTransform(frame, header.frame_id, header.stamp, ros::Duration(0.0), &why))
+            if (header.frame_id.empty() || !buffer.canTransform(frame, header.frame_id, header.stamp, &why))
               break;
           }
           failed(*message, why);
