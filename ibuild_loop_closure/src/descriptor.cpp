@@ -13,7 +13,16 @@
 namespace ibuild_loop_closure {
 namespace {
 
-using Kernel = void (*)(const Descriptor&, const Descriptor*, std::size_t, std::uint16_t*);
+// Words are one after another (const Descriptor*) or anywhere (const Descriptor* const*).
+template <class Words>
+using Kernel = void (*)(const Descriptor&, Words, std::size_t, std::uint16_t*);
+
+inline const Descriptor& at(const Descriptor* words, std::size_t i) {
+  return words[i];
+}
+inline const Descriptor& at(const Descriptor* const* words, std::size_t i) {
+  return *words[i];
+}
 
 // Bits set in a word of 64, by adding neighbouring fields of 1, 2 and 4 bits, then all bytes.
 int countBits(std::uint64_t x) {
@@ -23,22 +32,25 @@ int countBits(std::uint64_t x) {
   return static_cast<int>((x * 0x0101010101010101u) >> 56);
 }
 
-void portable(const Descriptor& query, const Descriptor* words, std::size_t count, std::uint16_t* distances) {
+template <class Words>
+void portable(const Descriptor& query, Words words, std::size_t count, std::uint16_t* distances) {
   for (std::size_t i = 0; i < count; ++i) {
     int sum = 0;
-    for (std::size_t k = 0; k < query.bits.size(); ++k) sum += countBits(query.bits[k] ^ words[i].bits[k]);
+    for (std::size_t k = 0; k < query.bits.size(); ++k)
+      sum += countBits(query.bits[k] ^ at(words, i).bits[k]);
     distances[i] = static_cast<std::uint16_t>(sum);
   }
 }
 
 #ifdef IBUILD_X86
 
-__attribute__((target("popcnt"))) void popcount(const Descriptor& query, const Descriptor* words,
-                                                std::size_t count, std::uint16_t* distances) {
+template <class Words>
+__attribute__((target("popcnt"))) void popcount(const Descriptor& query, Words words, std::size_t count,
+                                                std::uint16_t* distances) {
   for (std::size_t i = 0; i < count; ++i) {
     long long sum = 0;
     for (std::size_t k = 0; k < query.bits.size(); ++k)
-      sum += _mm_popcnt_u64(query.bits[k] ^ words[i].bits[k]);
+      sum += _mm_popcnt_u64(query.bits[k] ^ at(words, i).bits[k]);
     distances[i] = static_cast<std::uint16_t>(sum);
   }
 }
@@ -53,12 +65,13 @@ __attribute__((target("avx2"))) inline __m256i countBytes(__m256i x) {
   return _mm256_add_epi8(a, b);
 }
 
-__attribute__((target("avx2"))) void avx2(const Descriptor& query, const Descriptor* words, std::size_t count,
+template <class Words>
+__attribute__((target("avx2"))) void avx2(const Descriptor& query, Words words, std::size_t count,
                                           std::uint16_t* distances) {
   const auto* q = reinterpret_cast<const __m256i*>(query.bits.data());
   const __m256i q0 = _mm256_loadu_si256(q), q1 = _mm256_loadu_si256(q + 1);
   for (std::size_t i = 0; i < count; ++i) {
-    const auto* w = reinterpret_cast<const __m256i*>(words[i].bits.data());
+    const auto* w = reinterpret_cast<const __m256i*>(at(words, i).bits.data());
     const __m256i bytes = _mm256_add_epi8(countBytes(_mm256_xor_si256(q0, _mm256_loadu_si256(w))),
                                           countBytes(_mm256_xor_si256(q1, _mm256_loadu_si256(w + 1))));
     const __m256i sums = _mm256_sad_epu8(bytes, _mm256_setzero_si256());
@@ -67,31 +80,47 @@ __attribute__((target("avx2"))) void avx2(const Descriptor& query, const Descrip
   }
 }
 
-__attribute__((target("avx512f,avx512vpopcntdq"))) void avx512(const Descriptor& query,
-                                                               const Descriptor* words, std::size_t count,
-                                                               std::uint16_t* distances) {
+template <class Words>
+__attribute__((target("avx512f,avx512vpopcntdq"))) void avx512(const Descriptor& query, Words words,
+                                                               std::size_t count, std::uint16_t* distances) {
   const __m512i q = _mm512_loadu_si512(query.bits.data());
   for (std::size_t i = 0; i < count; ++i) {
-    const __m512i bits = _mm512_xor_si512(q, _mm512_loadu_si512(words[i].bits.data()));
+    const __m512i bits = _mm512_xor_si512(q, _mm512_loadu_si512(at(words, i).bits.data()));
     distances[i] = static_cast<std::uint16_t>(_mm512_reduce_add_epi64(_mm512_popcnt_epi64(bits)));
   }
 }
 
 #endif
 
-Kernel functionOf(HammingKernel kernel) {
+template <class Words>
+Kernel<Words> functionOf(HammingKernel kernel) {
   switch (kernel) {
 #ifdef IBUILD_X86
     case HammingKernel::kPopcount:
-      return popcount;
+      return popcount<Words>;
     case HammingKernel::kAvx2:
-      return avx2;
+      return avx2<Words>;
     case HammingKernel::kAvx512:
-      return avx512;
+      return avx512<Words>;
 #endif
     default:
-      return portable;
+      return portable<Words>;
   }
+}
+
+template <class Words>
+void fastest(const Descriptor& query, Words words, std::size_t count, std::uint16_t* distances) {
+  static const Kernel<Words> kernel = functionOf<Words>(supportedKernels().back());
+  kernel(query, words, count, distances);
+}
+
+template <class Words>
+void checked(const Descriptor& query, Words words, std::size_t count, std::uint16_t* distances,
+             HammingKernel kernel) {
+  for (HammingKernel supported : supportedKernels()) {
+    if (supported == kernel) return functionOf<Words>(kernel)(query, words, count, distances);
+  }
+  throw std::invalid_argument(std::string("this processor has no ") + kernelName(kernel));
 }
 
 }  // namespace
@@ -148,16 +177,22 @@ int hamming(const Descriptor& a, const Descriptor& b) {
 
 void hammingDistances(const Descriptor& query, const Descriptor* words, std::size_t count,
                       std::uint16_t* distances) {
-  static const Kernel fastest = functionOf(supportedKernels().back());
+  fastest(query, words, count, distances);
+}
+
+void hammingDistances(const Descriptor& query, const Descriptor* const* words, std::size_t count,
+                      std::uint16_t* distances) {
   fastest(query, words, count, distances);
 }
 
 void hammingDistances(const Descriptor& query, const Descriptor* words, std::size_t count,
                       std::uint16_t* distances, HammingKernel kernel) {
-  for (HammingKernel supported : supportedKernels()) {
-    if (supported == kernel) return functionOf(kernel)(query, words, count, distances);
-  }
-  throw std::invalid_argument(std::string("this processor has no ") + kernelName(kernel));
+  checked(query, words, count, distances, kernel);
+}
+
+void hammingDistances(const Descriptor& query, const Descriptor* const* words, std::size_t count,
+                      std::uint16_t* distances, HammingKernel kernel) {
+  checked(query, words, count, distances, kernel);
 }
 
 }  // namespace ibuild_loop_closure

@@ -6,6 +6,7 @@
 #include <stdexcept>
 
 #include "checks.h"
+#include "ibuild_loop_closure/graph_index.h"
 
 namespace ibuild_loop_closure {
 
@@ -128,14 +129,14 @@ Vocabulary::Content Vocabulary::content() const {
   content.image_words = image_words_;
   content.words.reserve(size());
   for (std::size_t i = 0; i < size(); ++i) content.words.push_back(word(i));
-  if (const auto* tree = dynamic_cast<const TreeIndex*>(index_.get())) content.tree = tree->shape();
+  if (const auto* graph = dynamic_cast<const GraphIndex*>(index_.get())) content.links = graph->links();
   return content;
 }
 
 Vocabulary Vocabulary::restore(Content content) {
   Vocabulary vocabulary(content.delta, content.index);
-  if (auto* tree = dynamic_cast<TreeIndex*>(vocabulary.index_.get())) {
-    tree->restore(content.tree, content.words);
+  if (auto* graph = dynamic_cast<GraphIndex*>(vocabulary.index_.get())) {
+    graph->restore(content.words, content.links);
   } else {
     for (const Descriptor& word : content.words) vocabulary.index_->add(word);
   }

@@ -16,7 +16,7 @@ namespace ibuild_loop_closure {
 namespace {
 
 constexpr char kMagic[8] = {'I', 'B', 'U', 'I', 'L', 'D', 'V', 'C'};
-constexpr std::uint32_t kVersion = 1;
+constexpr std::uint32_t kVersion = 2;
 
 // FNV-1a over words of 8 bytes, in four lanes: a gigabyte takes a quarter of a second.
 class Checksum {
@@ -119,10 +119,10 @@ void visitOptions(Archive& archive, int& delta, Options& o) {
   archive(delta);
   archive(type);
   archive(nearest);
-  archive(o.branching);
-  archive(o.leaf_size);
-  archive(o.max_checks);
-  if (type < 0 || type > static_cast<std::int32_t>(IndexType::kTree))
+  archive(o.links);
+  archive(o.insert_breadth);
+  archive(o.search_breadth);
+  if (type < 0 || type > static_cast<std::int32_t>(IndexType::kGraph))
     throw std::runtime_error("it has an index of an unknown type");
   o.type = static_cast<IndexType>(type);
   o.nearest = nearest != 0;
@@ -167,9 +167,7 @@ VocabularyFile parse(const std::string& bytes) {
   read(content.words);
   content.image_words.resize(read.count(sizeof(std::uint64_t)));
   for (std::vector<int>& words : content.image_words) read(words);
-  read(content.tree.parents);
-  read(content.tree.centres);
-  read(content.tree.leaves);
+  read(content.links);
   file.views.reserve(read.count(sizeof(std::uint64_t)));
   for (std::size_t i = 0, count = file.views.capacity(); i < count; ++i) file.views.push_back(readView(read));
   if (!file.views.empty() && file.views.size() != content.image_words.size())
@@ -204,9 +202,7 @@ void saveVocabulary(const std::string& path, const VocabularyFile& file) {
     write(file.content.words);
     write(static_cast<std::uint64_t>(file.content.image_words.size()));
     for (const std::vector<int>& words : file.content.image_words) write(words);
-    write(file.content.tree.parents);
-    write(file.content.tree.centres);
-    write(file.content.tree.leaves);
+    write(file.content.links);
     write(static_cast<std::uint64_t>(file.views.size()));
     for (const View& view : file.views) {
       write(view.size.width);

@@ -45,8 +45,9 @@ TEST(Parameters, OfTheShippedFileAreTheDefaults) {
   EXPECT_EQ(a.detector.features.max_features, b.detector.features.max_features);
   EXPECT_EQ(a.detector.features.threshold, b.detector.features.threshold);
   EXPECT_EQ(a.detector.features.size, b.detector.features.size);
-  EXPECT_EQ(a.detector.index.leaf_size, b.detector.index.leaf_size);
-  EXPECT_EQ(a.detector.index.max_checks, b.detector.index.max_checks);
+  EXPECT_EQ(a.detector.index.links, b.detector.index.links);
+  EXPECT_EQ(a.detector.index.insert_breadth, b.detector.index.insert_breadth);
+  EXPECT_EQ(a.detector.index.search_breadth, b.detector.index.search_breadth);
   EXPECT_EQ(a.detector.geometry.max_features, b.detector.geometry.max_features);
   EXPECT_EQ(a.detector.geometry.layout_tolerance, b.detector.geometry.layout_tolerance);
   EXPECT_EQ(a.detector.geometry.min_inliers, b.detector.geometry.min_inliers);

@@ -104,7 +104,7 @@ TEST_P(Similarity, IdfWeighsDownWhatIsCommon) {  // Eq. 4.3
   EXPECT_NEAR((std::log(4.0 / 3.0) + std::log(4.0)) / std::sqrt(30.0), similarity[2], 1e-12);
 }
 
-INSTANTIATE_TEST_SUITE_P(Indices, Similarity, ::testing::Values(IndexType::kLinear, IndexType::kTree));
+INSTANTIATE_TEST_SUITE_P(Indices, Similarity, ::testing::Values(IndexType::kLinear, IndexType::kGraph));
 
 TEST(Vocabulary, ChecksDelta) {
   EXPECT_THROW(Vocabulary(0), std::invalid_argument);

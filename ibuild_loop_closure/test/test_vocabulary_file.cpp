@@ -73,7 +73,7 @@ TEST_P(VocabularyFiles, AreRefusedIfCorruptedAndNothingChanges) {
       mentions(errorOf([&] { detector.load(dir_.path("nowhere")); }), {"nowhere", "can't be opened"}));
 }
 
-INSTANTIATE_TEST_SUITE_P(Indices, VocabularyFiles, ::testing::Values(IndexType::kLinear, IndexType::kTree));
+INSTANTIATE_TEST_SUITE_P(Indices, VocabularyFiles, ::testing::Values(IndexType::kLinear, IndexType::kGraph));
 
 TEST(VocabularyFile, WithoutFeaturesIsRefusedByTheGeometricCheck) {
   const mapping_common::TempDir dir;

@@ -1,43 +1,65 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
-// How look-up, recall and file scale with the size of a vocabulary. Words are synthetic: some centres, and
-// words that differ from them by random bits, as descriptors of one kind of corner do.
+// How look-up, recall, insertion and file scale with the size of a vocabulary, on synthetic words.
+#include <algorithm>
 #include <boost/program_options.hpp>
-#include <chrono>
+#include <ctime>
 #include <filesystem>
 #include <iomanip>
 #include <iostream>
-#include <random>
 
 #include "ibuild_loop_closure/vocabulary_file.h"
+#include "synthetic_words.h"
 
 namespace {
 
 using namespace ibuild_loop_closure;
-using Clock = std::chrono::steady_clock;
+constexpr int kDelta = 70;
+constexpr int kQueries = 500;
 
-double milliseconds(Clock::time_point since) {
-  return std::chrono::duration<double, std::milli>(Clock::now() - since).count();
+// Of the processor, not of the wall: other programs don't count.
+double microseconds(std::clock_t since) {
+  return 1e6 * static_cast<double>(std::clock() - since) / CLOCKS_PER_SEC;
 }
 
-class Words {
- public:
-  explicit Words(unsigned seed) : random_(seed), centres_(2000) {
-    for (Descriptor& c : centres_) {
-      for (auto& bits : c.bits) bits = random_();
-    }
-  }
-  Descriptor next() { return near(centres_[random_() % centres_.size()], 120); }
-  Descriptor near(Descriptor word, int bits) {
-    for (int i = 0; i < bits; ++i) word.bits[random_() % 8] ^= std::uint64_t{1} << (random_() % 64);
-    return word;
-  }
-  std::size_t below(std::size_t n) { return random_() % n; }
+// Mean time of a look-up, us.
+double timeOf(const WordIndex& index, const std::vector<Descriptor>& queries, std::vector<FoundWord>& found) {
+  found.clear();
+  const auto start = std::clock();
+  for (const Descriptor& q : queries) found.push_back(index.find(q, kDelta));
+  return microseconds(start) / static_cast<double>(std::max<std::size_t>(1, queries.size()));
+}
 
- private:
-  std::mt19937_64 random_;
-  std::vector<Descriptor> centres_;
+struct Steps {
+  double assign = 0.0, similarities = 0.0, update = 0.0;  // us
+  std::size_t images = 0, words = 0, added = 0;
 };
+
+void report(const Vocabulary& vocabulary, const LinearIndex& exact, const std::vector<Descriptor>& queries,
+            const Steps& steps) {
+  std::vector<FoundWord> nearest, found;
+  const double time_exact = timeOf(exact, queries, nearest);
+  std::vector<Descriptor> with, without;
+  for (std::size_t i = 0; i < queries.size(); ++i) (nearest[i].word >= 0 ? with : without).push_back(queries[i]);
+  const double time_without = timeOf(vocabulary.index(), without, found);
+  const double time_with = timeOf(vocabulary.index(), with, found);
+  nearest.erase(std::remove_if(nearest.begin(), nearest.end(), [](const FoundWord& f) { return f.word < 0; }),
+                nearest.end());
+  int any = 0, same = 0;
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    any += found[i].word >= 0;
+    same += found[i].distance == nearest[i].distance;
+  }
+  const double images = static_cast<double>(steps.images);
+  std::cout << "| " << vocabulary.size() << " | " << vocabulary.images() << std::fixed << std::setprecision(1)
+            << " | " << time_with << " | " << time_without << " | " << time_exact << " | "
+            << 100.0 * any / static_cast<double>(with.size()) << " | "
+            << 100.0 * same / static_cast<double>(with.size()) << " | "
+            << steps.update / static_cast<double>(steps.added) << " | "
+            << static_cast<double>(steps.added) / images << " of " << static_cast<double>(steps.words) / images
+            << std::setprecision(2) << " | " << 1e-3 * steps.assign / images << " | "
+            << 1e-3 * steps.similarities / images << " | " << 1e-3 * steps.update / images << " |" << std::endl;
+}
 
 }  // namespace
 
@@ -45,71 +67,81 @@ int main(int argc, char** argv) {
   namespace po = boost::program_options;
   std::size_t most = 0, words_per_image = 0, old_percent = 0;
   unsigned seed = 0;
+  int numbers = 0;
   std::string out;
+  IndexOptions index;
   po::options_description options("Time and recall over the size of the vocabulary.\nOptions");
-  options.add_options()("help,h", "this text")("words", po::value(&most)->default_value(1000000),
-                                               "of the largest vocabulary")(
-      "words-per-image", po::value(&words_per_image)->default_value(150), "")(
-      "old", po::value(&old_percent)->default_value(33), "% of an image's words that are in the vocabulary")(
-      "seed", po::value(&seed)->default_value(1), "of the synthetic words")(
-      "file", po::value(&out)->default_value("/tmp/benchmark.vocabulary"), "written, read and removed");
+  // clang-format off
+  options.add_options()
+      ("help,h", "this text")
+      ("words", po::value(&most)->default_value(1000000), "of the largest vocabulary")
+      ("words-per-image", po::value(&words_per_image)->default_value(150), "")
+      ("old", po::value(&old_percent)->default_value(33), "% of an image's words that were seen before")
+      ("numbers", po::value(&numbers)->default_value(16), "that a patch has: more make its words differ more")
+      ("seed", po::value(&seed)->default_value(1), "of the synthetic words")
+      ("links", po::value(&index.links)->default_value(index.links), "of the index")
+      ("insert-breadth", po::value(&index.insert_breadth)->default_value(index.insert_breadth), "of the index")
+      ("search-breadth", po::value(&index.search_breadth)->default_value(index.search_breadth), "of the index")
+      ("file", po::value(&out)->default_value("/tmp/benchmark.vocabulary"), "written, read and removed");
+  // clang-format on
   po::variables_map values;
-  po::store(po::parse_command_line(argc, argv, options), values);
-  po::notify(values);
-  if (values.count("help") > 0) return std::cout << options, 0;
+  try {
+    po::store(po::parse_command_line(argc, argv, options), values);
+    po::notify(values);
+    if (values.count("help") > 0) return std::cout << options, 0;
+    index.validate();
+  } catch (const std::exception& e) {
+    return std::cerr << e.what() << "\n", 2;
+  }
 
-  Words source(seed);
-  Vocabulary vocabulary(70);
+  SyntheticWords source(seed, numbers);
+  std::vector<SyntheticWords::Patch> seen;
+  const auto next = [&] {
+    const bool old = !seen.empty() && source.below(100) < old_percent;
+    return old ? source.again(seen[source.below(seen.size())]) : source.patch();
+  };
+  Vocabulary vocabulary(kDelta, index);
   LinearIndex exact(true);
-  std::cout << "| Words | Images | Image, mean (ms) | Look-up, tree (us) | exact (us) | Recall (%) "
-               "|\n|---|---|---|---|---|---|\n";
-  double time = 0.0;
-  int images = 0;
+  std::cout << "| words | images | look-up, there (us) | not there (us) | exact (us) | found (%) | the nearest (%) | "
+               "insertion (us) | new words of an image | assignment (ms) | similarities (ms) | update (ms) |\n"
+               "|---|---|---|---|---|---|---|---|---|---|---|---|\n";
+  Steps steps;
   for (std::size_t milestone = 1000; vocabulary.size() < most;) {
     std::vector<Descriptor> words;
     for (std::size_t i = 0; i < words_per_image; ++i) {
-      const bool old = vocabulary.size() > 0 && source.below(100) < old_percent;
-      words.push_back(old ? source.near(vocabulary.word(source.below(vocabulary.size())), 40)
-                          : source.next());
+      const SyntheticWords::Patch patch = next();
+      seen.push_back(patch);
+      words.push_back(source.word(patch));
     }
-    const auto start = Clock::now();
+    auto start = std::clock();
     const Assignment assignment = vocabulary.assign(words);
-    vocabulary.similarities(assignment);
+    steps.assign += microseconds(start);
+    start = std::clock();
+    vocabulary.idfSimilarities(assignment);
+    steps.similarities += microseconds(start);
+    start = std::clock();
     vocabulary.update(assignment);
-    time += milliseconds(start);
-    ++images;
+    steps.update += microseconds(start);
+    ++steps.images;
+    steps.words += words.size();
+    steps.added += assignment.new_words.size();
     for (std::size_t i = exact.size(); i < vocabulary.size(); ++i) exact.add(vocabulary.word(i));
     if (vocabulary.size() < milestone) continue;
 
-    constexpr int kQueries = 200;
     std::vector<Descriptor> queries;
-    for (int i = 0; i < kQueries; ++i)
-      queries.push_back(source.near(vocabulary.word(source.below(vocabulary.size())), 40));
-    std::vector<FoundWord> by_tree, by_all;
-    auto from = Clock::now();
-    for (const Descriptor& q : queries) by_tree.push_back(vocabulary.index().find(q, 70));
-    const double tree = milliseconds(from);
-    from = Clock::now();
-    for (const Descriptor& q : queries) by_all.push_back(exact.find(q, 70));
-    const double all = milliseconds(from);
-    int same = 0, there = 0;
     for (int i = 0; i < kQueries; ++i) {
-      there += by_all[i].word >= 0;
-      same += by_all[i].word >= 0 && by_tree[i].word == by_all[i].word;
+      queries.push_back(source.word(i % 2 == 0 ? source.again(seen[source.below(seen.size())]) : source.patch()));
     }
-    std::cout << "| " << vocabulary.size() << " | " << vocabulary.images() << " | " << std::fixed
-              << std::setprecision(2) << time / images << " | " << 1e3 * tree / kQueries << " | "
-              << 1e3 * all / kQueries << " | " << 100.0 * same / std::max(1, there) << " |" << std::endl;
-    time = 0.0;
-    images = 0;
+    report(vocabulary, exact, queries, steps);
+    steps = {};
     milestone *= 10;
   }
-  auto from = Clock::now();
+  auto from = std::clock();
   saveVocabulary(out, {vocabulary.content(), {}});
-  const double save = milliseconds(from);
-  from = Clock::now();
+  const double save = 1e-3 * microseconds(from);
+  from = std::clock();
   const Vocabulary loaded = Vocabulary::restore(loadVocabulary(out).content);
-  const double load = milliseconds(from);
+  const double load = 1e-3 * microseconds(from);
   std::cout << "\nFile of " << loaded.size() << " words, " << std::filesystem::file_size(out) / 1000000
             << " MB: written in " << save << " ms, loaded in " << load << " ms\n";
   std::filesystem::remove(out);

@@ -11,8 +11,8 @@
 
 namespace ibuild_loop_closure {
 
-/// A descriptor or a visual word, p = 512 bits.
-struct Descriptor {
+/// A descriptor or a visual word, p = 512 bits. It is one cache line.
+struct alignas(64) Descriptor {
   static constexpr int kBits = 512;
   std::array<std::uint64_t, kBits / 64> bits{};
   bool operator==(const Descriptor& other) const { return bits == other.bits; }
@@ -36,8 +36,13 @@ int hamming(const Descriptor& a, const Descriptor& b);
 /// distances[i] = H(query, words[i]) for i < count.
 void hammingDistances(const Descriptor& query, const Descriptor* words, std::size_t count,
                       std::uint16_t* distances);
-/// The same with a given kernel. @throws std::invalid_argument if the processor doesn't have it
+/// The same of words at different places.
+void hammingDistances(const Descriptor& query, const Descriptor* const* words, std::size_t count,
+                      std::uint16_t* distances);
+/// Both with a given kernel. @throws std::invalid_argument if the processor doesn't have it
 void hammingDistances(const Descriptor& query, const Descriptor* words, std::size_t count,
+                      std::uint16_t* distances, HammingKernel kernel);
+void hammingDistances(const Descriptor& query, const Descriptor* const* words, std::size_t count,
                       std::uint16_t* distances, HammingKernel kernel);
 
 }  // namespace ibuild_loop_closure

@@ -60,7 +60,7 @@ class Vocabulary {
     IndexOptions index;
     std::vector<Descriptor> words;
     std::vector<std::vector<int>> image_words;  ///< ascending
-    TreeIndex::Shape tree;                      ///< empty with another index
+    std::vector<std::int32_t> links;            ///< GraphIndex::links, empty with another index
   };
   Content content() const;
   /// @throws std::runtime_error that says what is inconsistent; std::invalid_argument as the constructor

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
 // Vocabulary files, little endian: magic, version, delta and index options, words, the words of each image,
-// the tree, the features of each image, a checksum of 64 bits of all before it.
+// the index's links, the features of each image, a checksum of 64 bits of all before it.
 #pragma once
 
 #include <string>

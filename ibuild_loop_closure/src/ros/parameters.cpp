@@ -39,12 +39,12 @@ LoopClosureParameters readLoopClosureParameters(mapping_common::Parameters& p) {
   d.delta = p.get("delta", d.delta, 1, Descriptor::kBits);
   IndexOptions& i = d.index;
   const std::string index =
-      p.choice("index/type", i.type == IndexType::kTree ? "tree" : "linear", {"tree", "linear"});
-  i.type = index == "tree" ? IndexType::kTree : IndexType::kLinear;
+      p.choice("index/type", i.type == IndexType::kGraph ? "graph" : "linear", {"graph", "linear"});
+  i.type = index == "graph" ? IndexType::kGraph : IndexType::kLinear;
   i.nearest = p.get("index/nearest", i.nearest);
-  i.branching = p.get("index/branching", i.branching, 2, 64);
-  i.leaf_size = p.get("index/leaf_size", i.leaf_size, i.branching + 1, 100000);
-  i.max_checks = p.get("index/max_checks", i.max_checks, 1, 100000000);
+  i.links = p.get("index/links", i.links, 2, 64);
+  i.insert_breadth = p.get("index/insert_breadth", i.insert_breadth, 1, 10000);
+  i.search_breadth = p.get("index/search_breadth", i.search_breadth, 1, 10000);
 
   d.beta = p.get("beta", d.beta, 1, 1000000);
   d.min_similarity = p.get("min_similarity", d.min_similarity, 0.0, 1.0);
