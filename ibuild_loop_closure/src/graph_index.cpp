@@ -158,6 +158,7 @@ std::vector<GraphIndex::Near> GraphIndex::searchLayer(const Descriptor& query, i
       const auto at = std::upper_bound(nearest.begin(), nearest.end(), near);
       i = std::min(i, static_cast<std::size_t>(at - nearest.begin()));
       nearest.insert(at, near);
+      __builtin_prefetch(linksOf(near.word, layer));  // it may be next
       if (nearest.size() > breadth) nearest.pop_back();
     }
   }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <stdexcept>
 
 #include "ibuild_loop_closure/features.h"
@@ -21,16 +22,30 @@ TEST(Hamming, AllKernelsAgree) {
   std::vector<Descriptor> words = randomDescriptors(300);
   words[7] = words[0];
   words[8] = flip(words[0], 512);
+  std::vector<const Descriptor*> places;
+  for (const Descriptor& word : words) places.push_back(&word);
   for (std::size_t count : {std::size_t{0}, std::size_t{1}, words.size()}) {
     std::vector<std::uint16_t> expected(words.size(), 9999), distances(words.size(), 9999);
     hammingDistances(words[0], words.data(), count, expected.data(), HammingKernel::kPortable);
     for (HammingKernel kernel : supportedKernels()) {
       hammingDistances(words[0], words.data(), count, distances.data(), kernel);
       EXPECT_EQ(expected, distances) << kernelName(kernel);
+      std::fill(distances.begin(), distances.end(), 9999);
+      hammingDistances(words[0], places.data(), count, distances.data(), kernel);
+      EXPECT_EQ(expected, distances) << kernelName(kernel);
     }
     hammingDistances(words[0], words.data(), count, distances.data());
     EXPECT_EQ(expected, distances);
   }
+}
+
+TEST(Hamming, TakesWordsFromAnywhere) {
+  const auto words = randomDescriptors(3);
+  const std::vector<const Descriptor*> places = {&words[2], &words[0]};
+  std::vector<std::uint16_t> distances(2);
+  hammingDistances(words[0], places.data(), 2, distances.data());
+  EXPECT_EQ((std::vector<std::uint16_t>{static_cast<std::uint16_t>(hamming(words[0], words[2])), 0}),
+            distances);
 }
 
 TEST(Hamming, PortableIsAlwaysThere) {

@@ -100,5 +100,16 @@ TEST(VocabularyFile, ThatIsInconsistentIsRefused) {
   refuses({{0}}, "no image has");
 }
 
+TEST(VocabularyFile, WithLinksToUnknownWordsIsRefused) {
+  Vocabulary vocabulary;
+  vocabulary.update(vocabulary.assign(randomDescriptors(20)));
+  Vocabulary::Content content = vocabulary.content();
+  EXPECT_EQ(20u, Vocabulary::restore(content).size());
+  content.links[1] = 20;
+  EXPECT_TRUE(mentions(errorOf([&] { Vocabulary::restore(content); }), {"links"}));
+  content.links.clear();
+  EXPECT_TRUE(mentions(errorOf([&] { Vocabulary::restore(content); }), {"links"}));
+}
+
 }  // namespace
 }  // namespace ibuild_loop_closure

@@ -11,9 +11,9 @@
 
 namespace ibuild_loop_closure {
 
-/// A patch is a few normal numbers, a bit is the sign of a linear function of them, as a bit of BRISK is that of a
-/// difference of brightnesses. With 12 numbers as many pairs of words are within 90 and 110 bits of each other as
-/// of real images' words, with more there are fewer.
+/// A patch is a few normal numbers, a bit is the sign of a linear function of them, as a bit of BRISK is that
+/// of a difference of brightnesses. With 12 numbers as many pairs of words are within 90 and 110 bits of each
+/// other as of real images' words, with more there are fewer.
 class SyntheticWords {
  public:
   using Patch = std::vector<float>;

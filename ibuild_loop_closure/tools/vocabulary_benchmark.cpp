@@ -40,7 +40,8 @@ void report(const Vocabulary& vocabulary, const LinearIndex& exact, const std::v
   std::vector<FoundWord> nearest, found;
   const double time_exact = timeOf(exact, queries, nearest);
   std::vector<Descriptor> with, without;
-  for (std::size_t i = 0; i < queries.size(); ++i) (nearest[i].word >= 0 ? with : without).push_back(queries[i]);
+  for (std::size_t i = 0; i < queries.size(); ++i)
+    (nearest[i].word >= 0 ? with : without).push_back(queries[i]);
   const double time_without = timeOf(vocabulary.index(), without, found);
   const double time_with = timeOf(vocabulary.index(), with, found);
   nearest.erase(std::remove_if(nearest.begin(), nearest.end(), [](const FoundWord& f) { return f.word < 0; }),
@@ -56,9 +57,10 @@ void report(const Vocabulary& vocabulary, const LinearIndex& exact, const std::v
             << 100.0 * any / static_cast<double>(with.size()) << " | "
             << 100.0 * same / static_cast<double>(with.size()) << " | "
             << steps.update / static_cast<double>(steps.added) << " | "
-            << static_cast<double>(steps.added) / images << " of " << static_cast<double>(steps.words) / images
-            << std::setprecision(2) << " | " << 1e-3 * steps.assign / images << " | "
-            << 1e-3 * steps.similarities / images << " | " << 1e-3 * steps.update / images << " |" << std::endl;
+            << static_cast<double>(steps.added) / images << " of "
+            << static_cast<double>(steps.words) / images << std::setprecision(2) << " | "
+            << 1e-3 * steps.assign / images << " | " << 1e-3 * steps.similarities / images << " | "
+            << 1e-3 * steps.update / images << " |" << std::endl;
 }
 
 }  // namespace
@@ -102,9 +104,11 @@ int main(int argc, char** argv) {
   };
   Vocabulary vocabulary(kDelta, index);
   LinearIndex exact(true);
-  std::cout << "| words | images | look-up, there (us) | not there (us) | exact (us) | found (%) | the nearest (%) | "
-               "insertion (us) | new words of an image | assignment (ms) | similarities (ms) | update (ms) |\n"
-               "|---|---|---|---|---|---|---|---|---|---|---|---|\n";
+  std::cout
+      << "| words | images | look-up, there (us) | not there (us) | exact (us) | found (%) | the nearest (%) "
+         "| "
+         "insertion (us) | new words of an image | assignment (ms) | similarities (ms) | update (ms) |\n"
+         "|---|---|---|---|---|---|---|---|---|---|---|---|\n";
   Steps steps;
   for (std::size_t milestone = 1000; vocabulary.size() < most;) {
     std::vector<Descriptor> words;
@@ -130,7 +134,8 @@ int main(int argc, char** argv) {
 
     std::vector<Descriptor> queries;
     for (int i = 0; i < kQueries; ++i) {
-      queries.push_back(source.word(i % 2 == 0 ? source.again(seen[source.below(seen.size())]) : source.patch()));
+      queries.push_back(
+          source.word(i % 2 == 0 ? source.again(seen[source.below(seen.size())]) : source.patch()));
     }
     report(vocabulary, exact, queries, steps);
     steps = {};
