@@ -20,8 +20,8 @@ enum class IndexType {
 struct IndexOptions {
   IndexType type = IndexType::kGraph;
   bool nearest = true;      ///< linear: the nearest word under delta; false: the first, as in Fig. 4.9
-  int links = 16;           ///< graph: of a new word to others, 2 to 64; any word has at most twice as many
-  int insert_breadth = 40;  ///< graph: words among which a new word's links are chosen, 1 to 10000
+  int links = 24;           ///< graph: of a new word to others, 2 to 64; any word has at most twice as many
+  int insert_breadth = 24;  ///< graph: words among which a new word's links are chosen, 1 to 10000
   int search_breadth = 24;  ///< graph: words that a look-up keeps in view, 1 to 10000: more find more
   /// @throws std::invalid_argument that names the option, its value and the allowed range
   void validate() const;
