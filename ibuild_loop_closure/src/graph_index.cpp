@@ -2,7 +2,6 @@
 #include "ibuild_loop_closure/graph_index.h"
 
 #include <algorithm>
-#include <array>
 #include <stdexcept>
 
 namespace ibuild_loop_closure {
