@@ -46,7 +46,20 @@ GridMap::Interpolation GridMap::interpolate(const Eigen::Vector2d& point) const 
   return {bilinear.value, bilinear.dx / cell, bilinear.dy / cell};
 }
 
-void GridMap::update(const Scan& scan, const Pose& pose, const MapOptions& options) {
+bool GridMap::isOpen(const Eigen::Vector2d& point, double sure_free) const {
+  const Eigen::Vector2i at = cellAt(point);
+  if (at.x() < 1 || at.y() < 1 || at.x() > width_ - 2 || at.y() > height_ - 2) return false;
+  if (cell(at.x(), at.y()).occupancy >= sure_free) return false;
+  for (int y = at.y() - 1; y <= at.y() + 1; ++y) {
+    for (int x = at.x() - 1; x <= at.x() + 1; ++x) {
+      if (isOccupied(cell(x, y))) return false;
+    }
+  }
+  return true;
+}
+
+void GridMap::update(const Scan& scan, const Pose& pose, const MapOptions& options,
+                     const std::vector<bool>& appeared) {
   const Eigen::Vector2i from = cellAt(transform(pose, scan.origin.cast<double>()));
   if (!contains(from)) return;
   const Eigen::Isometry2d to_map = Eigen::Translation2d(pose.head<2>()) * Eigen::Rotation2Dd(pose.z());
@@ -61,11 +74,15 @@ void GridMap::update(const Scan& scan, const Pose& pose, const MapOptions& optio
     if (!contains(ends_[i])) continue;
     // Neighbouring beams that end in one cell cross the same cells.
     if (i == 0 || ends_[i] != ends_[i - 1]) markBeam(from, ends_[i], options.clear_margin);
-    if (!scan.reflectivities.empty()) {
-      average(index(ends_[i].x(), ends_[i].y()), scan.reflectivities[i], options.max_count);
-    }
+    std::uint8_t& mark = *marks_.find(ends_[i]);
+    mark = std::max<std::uint8_t>(mark, !appeared.empty() && appeared[i] ? Marks::kUnsureHit : Marks::kHit);
   }
   applyMarks(options);
+  for (std::size_t i = 0; i < scan.reflectivities.size(); ++i) {
+    if (!contains(ends_[i])) continue;
+    const std::size_t cell = index(ends_[i].x(), ends_[i].y());
+    if (!isFree(cells_[cell])) average(cell, scan.reflectivities[i], options.max_count);
+  }
 }
 
 void GridMap::Marks::reset(const Eigen::AlignedBox2i& box) {
@@ -78,6 +95,7 @@ void GridMap::Marks::reset(const Eigen::AlignedBox2i& box) {
 // Row by row, which is how the cells are in memory.
 void GridMap::applyMarks(const MapOptions& options) {
   const float hit_odds = odds(options.update_factor_occupied), miss_odds = odds(options.update_factor_free);
+  const float unsure_odds = odds(1.0 - options.update_factor_free);
   const float most = static_cast<float>(options.max_probability),
               least = static_cast<float>(options.min_probability);
   for (int y = 0; y < marks_.height; ++y) {
@@ -94,8 +112,9 @@ void GridMap::applyMarks(const MapOptions& options) {
       }
       if (row[x] == Marks::kNone) continue;
       Cell& cell = cells_[first + x];
-      if (row[x] == Marks::kHit) {
-        cell.occupancy = std::min(observed(cell.occupancy, hit_odds), most);
+      if (row[x] >= Marks::kUnsureHit) {
+        const float odds = row[x] == Marks::kHit ? hit_odds : unsure_odds;
+        cell.occupancy = std::min(observed(cell.occupancy, odds), most);
       } else if (row[x] == Marks::kClear || (row[x] == Marks::kClearUnknown && !isKnown(cell))) {
         if (cell.occupancy <= least) continue;
         cell.occupancy = std::max(observed(cell.occupancy, miss_odds), least);
@@ -114,7 +133,7 @@ void GridMap::average(std::size_t cell, float reflectivity, int max_count) {
   cells_[cell].reflectivity += (reflectivity - cells_[cell].reflectivity) / counts_[cell];
 }
 
-// Bresenham's line.
+// Bresenham's line, without its last cell.
 void GridMap::markBeam(const Eigen::Vector2i& from, const Eigen::Vector2i& to, double clear_margin) {
   const int dx = std::abs(to.x() - from.x()), dy = std::abs(to.y() - from.y());
   std::ptrdiff_t major = to.x() > from.x() ? 1 : -1, minor = to.y() > from.y() ? marks_.width : -marks_.width;
@@ -140,7 +159,6 @@ void GridMap::markBeam(const Eigen::Vector2i& from, const Eigen::Vector2i& to, d
   };
   clear(sure, Marks::kClear);
   clear(length - sure, Marks::kClearUnknown);
-  *marks_.find(to) = Marks::kHit;
 }
 
 void GridMap::grow(int left, int right, int below, int above) {

@@ -28,7 +28,12 @@ void MultiMap::clear() {
 
 void MultiMap::update(const Scan& scan, const Pose& pose) {
   if (options_.grow) growTo(scan, pose);
-  for (GridMap& level : levels_) level.update(scan, pose, options_);
+  // Before any level changes, and on the coarsest, whose cells are larger than the noise.
+  appeared_.resize(scan.points.size());
+  for (std::size_t i = 0; i < scan.points.size(); ++i) {
+    appeared_[i] = levels_.back().isOpen(transform(pose, scan.points[i].cast<double>()), options_.sure_free);
+  }
+  for (GridMap& level : levels_) level.update(scan, pose, options_, appeared_);
   ++updates_;
 }
 

@@ -49,6 +49,7 @@ void MapOptions::validate() const {
   require("update_factor_free", update_factor_free, 0.001, 0.499);
   require("update_factor_occupied", update_factor_occupied, 0.501, 0.999);
   require("clear_margin", clear_margin, 0.0, 1e3);
+  require("sure_free", sure_free, 0.0, 0.5);
   require("min_probability", min_probability, 0.0001, 0.499);
   require("max_probability", max_probability, 0.501, 0.9999);
   require("max_count", max_count, 1, 65535);
@@ -79,6 +80,8 @@ void MatcherOptions::validate() const {
   require("search_gap", search_gap, 0.0, 1e9);
   require("search_motion_distance", search_motion_distance, 0.0, 1e9);
   require("search_motion_angle", search_motion_angle, 0.0, 1e9);
+  require("search_contradiction", search_contradiction, 0.0, 1.0);
+  require("search_min_gain", search_min_gain, 0.0, 2.0);
   require("search_distance", search_distance, 0.0, 100.0);
   require("search_angle", search_angle, 0.0, M_PI);
   require("search_points", search_points, 1, 1e6);
@@ -93,6 +96,8 @@ void SlamOptions::validate() const {
   require("max_contradiction", max_contradiction, 0.0, 1.0);
   require("max_correction_distance", max_correction_distance, 0.0, 1e6);
   require("max_correction_angle", max_correction_angle, 0.0, 2.0 * M_PI);
+  require("max_acceleration", max_acceleration, 1e-3, 1e9);
+  require("max_angular_acceleration", max_angular_acceleration, 1e-3, 1e9);
   require("max_gap", max_gap, 0.0, 1e9);
 }
 

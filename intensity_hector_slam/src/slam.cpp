@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "intensity_hector_slam/slam.h"
 
+#include <algorithm>
 #include <cmath>
 #include <stdexcept>
 #include <utility>
@@ -38,8 +39,10 @@ void Slam::setOptions(const SlamOptions& options) {
 void Slam::setPose(const Pose& pose) {
   pose_ = {pose.x(), pose.y(), wrapAngle(pose.z())};
   velocity_.setZero();
+  velocity_known_ = false;
   last_stamp_.reset();
   last_match_.reset();
+  last_search_.reset();
   last_odometry_.reset();
   last_update_.reset();
   first_.reset();
@@ -94,7 +97,10 @@ void Slam::predict(double stamp, const std::optional<Pose>& odometry, SlamResult
   result.time_jumped_back = elapsed < -options_.max_gap;  // less is out of order
   if (elapsed > options_.max_gap) result.gap = elapsed;
   const bool follows = last_match_ && stamp > *last_match_ && stamp - *last_match_ <= options_.max_gap;
-  if (!follows) velocity_.setZero();
+  if (!follows) {
+    velocity_.setZero();
+    velocity_known_ = false;
+  }
 
   Pose motion = Pose::Zero();
   if (options_.guess == Guess::kOdometry && odometry && last_odometry_) {
@@ -158,12 +164,7 @@ void Slam::place(const Scan& scan, bool unsure, SlamResult& result) {
       return;
     }
   } else {
-    const Search search = options_.matcher.search;
-    const bool at_once = search == Search::kAlways || (search == Search::kWhenUnsure && unsure);
-    result.match = matcher_.match(map_, scan, result.guess, at_once);
-    if (!accepts(result.match, result.guess) && search == Search::kWhenUnsure && !at_once) {
-      result.match = matcher_.match(map_, scan, result.guess, true);
-    }
+    result.match = match(scan, result.guess, unsure);
     if (!accepts(result.match, result.guess)) {
       result.status = Status::kRejected;
       result.covariance = unknownCovariance();
@@ -176,15 +177,34 @@ void Slam::place(const Scan& scan, bool unsure, SlamResult& result) {
   updateMap(scan, result);
 }
 
+Match Slam::match(const Scan& scan, const Pose& guess, bool unsure) {
+  const Search search = options_.matcher.search;
+  const bool at_once = search == Search::kAlways || (search == Search::kWhenUnsure && unsure);
+  const Match match = matcher_.match(map_, scan, guess, at_once);
+  if (at_once || search == Search::kNever) return match;
+  const bool accepted = accepts(match, guess);
+  const bool contradicts = match.contradiction > options_.matcher.search_contradiction;
+  if (accepted && !(contradicts && hasMoved(last_search_, match.pose))) return match;
+
+  last_search_ = match.pose;
+  const Match other = matcher_.match(map_, scan, guess, true);
+  if (!accepted) return other;
+  const bool better = other.score() > match.score() + options_.matcher.search_min_gain;
+  return better && accepts(other, guess) ? other : match;
+}
+
+// Far enough for another scan to tell the map something.
+bool Slam::hasMoved(const std::optional<Pose>& from, const Pose& to) const {
+  if (!from) return true;
+  const Pose moved = between(*from, to);
+  return moved.head<2>().norm() >= options_.update_distance || std::abs(moved.z()) >= options_.update_angle;
+}
+
 void Slam::updateMap(const Scan& scan, SlamResult& result) {
-  if (options_.localization) return;
-  const Pose moved = last_update_ ? between(*last_update_, result.pose) : Pose::Zero();
-  if (!last_update_ || moved.head<2>().norm() >= options_.update_distance ||
-      std::abs(moved.z()) >= options_.update_angle) {
-    map_.update(scan, result.pose);
-    last_update_ = result.pose;
-    result.map_updated = true;
-  }
+  if (options_.localization || !hasMoved(last_update_, result.pose)) return;
+  map_.update(scan, result.pose);
+  last_update_ = result.pose;
+  result.map_updated = true;
 }
 
 bool Slam::accepts(const Match& match, const Pose& guess) const {
@@ -208,11 +228,24 @@ void Slam::updateVelocity(double middle, const SlamResult& result) {
     Pose motion(result.pose - matched_pose_);
     motion.z() = wrapAngle(motion.z());
     motion -= result.match.unobservable_part * motion;
-    velocity_ =
-        between(Pose(0.0, 0.0, matched_pose_.z()), motion + Pose(0.0, 0.0, matched_pose_.z())) / elapsed;
+    approach(between(Pose(0.0, 0.0, matched_pose_.z()), motion + Pose(0.0, 0.0, matched_pose_.z())) / elapsed,
+             elapsed);
   }
   last_match_ = middle;
   matched_pose_ = result.pose;
+}
+
+// No faster than a body can: taken as it is, the velocity of a pose that jumps would lead away from the map.
+void Slam::approach(const Eigen::Vector3d& velocity, double elapsed) {
+  Eigen::Vector3d change = velocity - velocity_;
+  if (velocity_known_) {
+    const double distance = options_.max_acceleration * elapsed,
+                 angle = options_.max_angular_acceleration * elapsed;
+    change.head<2>() *= distance / std::max(distance, change.head<2>().norm());
+    change.z() = std::clamp(change.z(), -angle, angle);
+  }
+  velocity_ += change;
+  velocity_known_ = true;
 }
 
 }  // namespace intensity_hector_slam

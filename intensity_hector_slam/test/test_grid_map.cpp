@@ -220,5 +220,37 @@ TEST(MapOptions, SayWhatIsWrong) {
   }
 }
 
+// Someone steps into a room whose middle was seen to be free, and stays or walks on.
+TEST(MultiMap, WhatAppearsInFreeSpaceMustStayToBeKnown) {
+  Scan empty = look(box({-3.0, -3.0}, {3.0, 3.0}), Pose::Zero(), Scanner{});
+  Scan person = empty;
+  std::vector<std::size_t> hidden;
+  for (std::size_t i = 0; i < person.points.size(); ++i) {
+    if (person.points[i].x() < 0.0f || std::abs(person.points[i].y()) > 0.3f) continue;
+    person.points[i] *= 1.52f / person.points[i].x();
+    hidden.push_back(i);
+  }
+  ASSERT_GT(hidden.size(), 10u);
+  for (const double sure_free : {0.0, 0.3}) {
+    MapOptions options;
+    options.sure_free = sure_free;
+    MultiMap map(options);
+    for (int i = 0; i < 40; ++i) map.update(empty, Pose::Zero());
+    const auto shown = [&] {
+      std::size_t count = 0;
+      for (const std::size_t i : hidden) {
+        const GridMap::Cell& cell = *map.level(0).find(person.points[i].cast<double>());
+        count += GridMap::isOccupied(cell);
+        EXPECT_TRUE(GridMap::isOccupied(cell) || cell.reflectivity == 0.0f);
+      }
+      return static_cast<double>(count) / hidden.size();
+    };
+    for (int i = 0; i < 5; ++i) map.update(person, Pose::Zero());
+    EXPECT_EQ(sure_free > 0.0 ? 0.0 : 1.0, shown());
+    for (int i = 0; i < 40; ++i) map.update(person, Pose::Zero());
+    EXPECT_EQ(1.0, shown());
+  }
+}
+
 }  // namespace
 }  // namespace intensity_hector_slam

@@ -170,6 +170,26 @@ TEST(Slam, SurvivesATimeJump) {
   EXPECT_LT(errorOf(result.pose, 2.0), 0.03);
 }
 
+// One scan is matched 0.2 m away, as where people hide a wall: the velocity that this seems doesn't lead on.
+TEST(Slam, APoseThatJumpsDoesNotLeadAway) {
+  for (const bool limited : {true, false}) {
+    SlamOptions options;
+    if (!limited) options.max_acceleration = 1e9;
+    Slam slam(options);
+    drive(slam, 0.0, 2.0);
+    Scan jumped = look(room(), truthAt(2.0) + Pose(0.2, 0.0, 0.0), noisy());
+    jumped.stamp = 102.0;
+    const Pose pose = slam.process(jumped).pose;
+    ASSERT_NEAR(0.2, errorOf(pose, 2.0), 0.03);
+    const Pose guess = slam.process(scanAt(2.05)).guess;
+    if (limited)
+      EXPECT_LT(errorOf(guess, 2.05), 0.25);
+    else
+      EXPECT_GT(errorOf(guess, 2.05), 0.35);
+    EXPECT_LT(drive(slam, 2.1, 3.0), 0.04);
+  }
+}
+
 TEST(Slam, OdometryIsTheFirstGuess) {
   SlamOptions options;
   options.matcher.search = Search::kNever;

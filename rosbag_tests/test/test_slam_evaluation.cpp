@@ -329,6 +329,16 @@ TEST(Evaluation, FaultsDoNotBreakTheMap) {
   }
 }
 
+// People who walk along with the robot drag no map away, and get into none.
+TEST(Evaluation, PeopleAroundTheRobotDoNotCostTheMap) {
+  const SlamRecording recording = record(scenario("room_clutter", 13.0), 3);
+  for (const Cost cost : {Cost::kOccupancy, Cost::kReflectivity, Cost::kCombined}) {
+    const SlamRun result = run(recording, cost);
+    EXPECT_FALSE(result.lost()) << toString(cost) << " after " << result.lost_after << " s";
+    EXPECT_LT(result.absolute.translation().max, 0.1) << toString(cost);
+  }
+}
+
 }  // namespace
 }  // namespace rosbag_tests
 

@@ -55,9 +55,15 @@ class GridMap {
 
   /// Each cell that a beam ends in is updated as occupied once, each that beams only cross as free once, but
   /// for known ones in the last MapOptions::clear_margin of each. A
-  /// cell that turns free forgets its reflectivity. Beams that end outside are ignored, points without a
-  /// known reflectivity count for the occupancy alone.
-  void update(const Scan& scan, const Pose& pose, const MapOptions& options);
+  /// free cell has no reflectivity. Beams that end outside are ignored, points without a known reflectivity
+  /// count for the occupancy alone.
+  /// @param appeared for each point, whether it counts as little as a beam that crosses; empty: none does
+  void update(const Scan& scan, const Pose& pose, const MapOptions& options,
+              const std::vector<bool>& appeared = {});
+
+  /// Whether a point of the map frame (m) is in a cell with less than this occupancy, and none of the cells
+  /// around is occupied.
+  bool isOpen(const Eigen::Vector2d& point, double sure_free) const;
 
   /// Adds cells at the borders, 0 or more.
   void grow(int left, int right, int below, int above);
@@ -79,7 +85,7 @@ class GridMap {
   }
   // What a scan does to cells, the strongest of all beams: in a box around it, small enough for the cache.
   struct Marks {
-    enum : std::uint8_t { kNone, kClearUnknown, kClear, kHit };
+    enum : std::uint8_t { kNone, kClearUnknown, kClear, kUnsureHit, kHit };
     using Word = std::uint64_t;  // cells of a row that are skipped at once, none marked
     Eigen::Vector2i min;         // cell
     int width = 0, height = 0;

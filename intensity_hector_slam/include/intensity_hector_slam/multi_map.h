@@ -21,6 +21,8 @@ class MultiMap {
   /// Counts the updates.
   std::size_t updates() const { return updates_; }
 
+  /// What appears where space was surely free (MapOptions::sure_free) weighs as little as a beam that crosses
+  /// it: what moves doesn't get into the map, what stays does.
   void update(const Scan& scan, const Pose& pose);
   void clear();
 
@@ -37,6 +39,7 @@ class MultiMap {
   MapOptions options_;
   std::vector<GridMap> levels_;
   std::size_t updates_ = 0;
+  std::vector<bool> appeared_;  // for each point of the scan
 };
 
 }  // namespace intensity_hector_slam

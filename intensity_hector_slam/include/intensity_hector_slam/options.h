@@ -21,6 +21,10 @@ struct MapOptions {
   /// m, the last part of each beam, which clears unknown cells alone: a wall seen at a grazing angle lies
   /// along it, and would wear away between the few beams that hit it.
   double clear_margin = 0.2;
+  /// Occupancy below which a cell of the coarsest level is surely free. What appears there, with no occupied
+  /// cell around, counts as 1 - update_factor_free instead of update_factor_occupied: it may move on. 0:
+  /// never.
+  double sure_free = 0.3;
   double min_probability = 0.02;  ///< occupancy never falls below: an obstacle that comes is seen soon
   double max_probability = 0.98;  ///< occupancy never rises above: an obstacle that goes is cleared soon
   int max_count =
@@ -50,7 +54,7 @@ enum class RobustKernel {
 enum class Search {
   kNever,
   kWhenUnsure,  ///< without odometry and with scans far apart, after a long way or turn, at the start, after
-                ///< a pause, where a match is rejected
+                ///< a pause, where a match is rejected or, once per update of the map, contradicts the map
   kAlways
 };
 
@@ -90,9 +94,11 @@ struct MatcherOptions {
   double search_gap = 0.09;  ///< s, scans at least as far apart are, without odometry, reason to search
   double search_motion_distance = 0.3;  ///< m, of the first guess since the last scan: more is reason, too
   double search_motion_angle = 0.2;     ///< rad
-  double search_distance = 0.3;         ///< m, half the width of the window
-  double search_angle = 0.35;           ///< rad, half its range of angles
-  int search_points = 200;              ///< of the scan, evenly spread
+  double search_contradiction = 0.2;    ///< share of the points in free space: more is reason, too
+  double search_min_gain = 0.25;  ///< of Match::score(), for such a search's result to replace the match
+  double search_distance = 0.3;  ///< m, half the width of the window
+  double search_angle = 0.35;    ///< rad, half its range of angles
+  int search_points = 200;       ///< of the scan, evenly spread
 
   /// @throws std::invalid_argument that names the option, its value and what is allowed
   void validate() const;
@@ -116,8 +122,10 @@ struct SlamOptions {
   int min_points = 20;           ///< a scan with fewer is empty
   double max_contradiction =
       0.6;  ///< share of the points in space known as free beyond which a match is rejected
-  double max_correction_distance = 0.5;  ///< m, by which a match may differ from the first guess
-  double max_correction_angle = 0.7;     ///< rad
+  double max_correction_distance = 0.5;    ///< m, by which a match may differ from the first guess
+  double max_correction_angle = 0.7;       ///< rad
+  double max_acceleration = 5.0;           ///< m/s^2, by which the velocity of the first guess changes
+  double max_angular_acceleration = 15.0;  ///< rad/s^2
   double max_gap = 1.0;  ///< s, between scans; longer is a pause, over which no velocity holds
 
   /// @throws std::invalid_argument that names the option, its value and what is allowed

@@ -20,6 +20,9 @@ struct Match {
   double contradiction = 0.0;    ///< share of the points in cells known as free
   double overlap = 0.0;          ///< share of the points in cells known as occupied
   bool searched = false;         ///< whether a window around the first guess was searched
+
+  /// How well the scan agrees with the map, -1 to 1.
+  double score() const { return overlap - contradiction; }
 };
 
 /// Finds the pose from which a scan fits to a map: Gauss-Newton (Eq. 3.9) on one level after the other,

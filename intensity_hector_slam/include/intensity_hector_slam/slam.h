@@ -63,9 +63,12 @@ class Slam {
   void startAgain();
   double deskew(const Scan& scan);
   void place(const Scan& scan, bool unsure, SlamResult& result);
+  Match match(const Scan& scan, const Pose& guess, bool unsure);
   bool accepts(const Match& match, const Pose& guess) const;
   Eigen::Matrix3d unknownCovariance() const;
+  bool hasMoved(const std::optional<Pose>& from, const Pose& to) const;
   void updateVelocity(double middle, const SlamResult& result);
+  void approach(const Eigen::Vector3d& velocity, double elapsed);
   void updateMap(const Scan& scan, SlamResult& result);
 
   SlamOptions options_;
@@ -75,9 +78,10 @@ class Slam {
 
   Pose pose_ = Pose::Zero();                            // at the last stamp
   Eigen::Vector3d velocity_ = Eigen::Vector3d::Zero();  // in the frame of the body: m/s, m/s, rad/s
+  bool velocity_known_ = false;
   std::optional<double> last_stamp_;
   std::optional<Scan> first_;  // until the next, which tells the velocity
-  std::optional<Pose> last_odometry_, last_update_;
+  std::optional<Pose> last_odometry_, last_update_, last_search_;
   // The last scan that was matched: the middle of its sweep and the pose then.
   std::optional<double> last_match_;
   Pose matched_pose_ = Pose::Zero();

@@ -36,6 +36,7 @@ void readMap(mapping_common::Parameters& p, MapOptions& o) {
   o.update_factor_free = p.get("update_factor_free", o.update_factor_free);
   o.update_factor_occupied = p.get("update_factor_occupied", o.update_factor_occupied);
   o.clear_margin = p.get("clear_margin", o.clear_margin);
+  o.sure_free = p.get("sure_free", o.sure_free);
   o.min_probability = p.get("min_probability", o.min_probability);
   o.max_probability = p.get("max_probability", o.max_probability);
   o.max_count = p.get("max_count", o.max_count);
@@ -67,6 +68,8 @@ void readMatcher(mapping_common::Parameters& p, MatcherOptions& o) {
   o.search_gap = p.get("search_gap", o.search_gap);
   o.search_motion_distance = p.get("search_motion_distance", o.search_motion_distance);
   o.search_motion_angle = p.get("search_motion_angle", o.search_motion_angle);
+  o.search_contradiction = p.get("search_contradiction", o.search_contradiction);
+  o.search_min_gain = p.get("search_min_gain", o.search_min_gain);
   o.search_distance = p.get("search_distance", o.search_distance);
   o.search_angle = p.get("search_angle", o.search_angle);
   o.search_points = p.get("search_points", o.search_points);
@@ -84,6 +87,8 @@ void readSlam(mapping_common::Parameters& p, SlamOptions& o) {
   o.max_contradiction = p.get("max_contradiction", o.max_contradiction);
   o.max_correction_distance = p.get("max_correction_distance", o.max_correction_distance);
   o.max_correction_angle = p.get("max_correction_angle", o.max_correction_angle);
+  o.max_acceleration = p.get("max_acceleration", o.max_acceleration);
+  o.max_angular_acceleration = p.get("max_angular_acceleration", o.max_angular_acceleration);
   o.max_gap = p.get("max_gap", o.max_gap);
   o.validate();
 }
