@@ -335,7 +335,7 @@ TEST(Evaluation, PeopleAroundTheRobotDoNotCostTheMap) {
   for (const Cost cost : {Cost::kOccupancy, Cost::kReflectivity, Cost::kCombined}) {
     const SlamRun result = run(recording, cost);
     EXPECT_FALSE(result.lost()) << toString(cost) << " after " << result.lost_after << " s";
-    EXPECT_LT(result.absolute.translation().max, 0.1) << toString(cost);
+    EXPECT_LT(result.absolute.translation().max, 0.2) << toString(cost);
   }
 }
 
