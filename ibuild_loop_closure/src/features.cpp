@@ -55,7 +55,7 @@ FeatureExtractor::FeatureExtractor(FeatureExtractor&&) noexcept = default;
 FeatureExtractor& FeatureExtractor::operator=(FeatureExtractor&&) noexcept = default;
 FeatureExtractor::~FeatureExtractor() = default;
 
-cv::Mat FeatureExtractor::prepare(const cv::Mat& image) const {
+cv::Mat toGrey(const cv::Mat& image) {
   if (image.empty()) throw std::invalid_argument("the image is empty");
   if (image.depth() != CV_8U && image.depth() != CV_16U) {
     throw std::invalid_argument("the image has neither 8 nor 16 bits per channel");
@@ -75,6 +75,11 @@ cv::Mat FeatureExtractor::prepare(const cv::Mat& image) const {
       throw std::invalid_argument("the image has " + std::to_string(grey.channels()) +
                                   " channels, allowed is 1, 3 or 4");
   }
+  return grey;
+}
+
+cv::Mat FeatureExtractor::prepare(const cv::Mat& image) const {
+  cv::Mat grey = toGrey(image);
   if (options_.max_width > 0 && grey.cols > options_.max_width) {
     const double factor = static_cast<double>(options_.max_width) / grey.cols;
     cv::resize(grey, grey, {}, factor, factor, cv::INTER_AREA);

@@ -48,6 +48,28 @@ std::optional<Layout> layoutOf(const PointPairs& p, std::size_t i, std::size_t j
   return layout;
 }
 
+// That of least squares over all given pairs (Umeyama 1991).
+Layout refined(const PointPairs& p, const std::vector<std::size_t>& used) {
+  cv::Point2f from(0, 0), to(0, 0);
+  for (std::size_t k : used) {
+    from += p.query[k];
+    to += p.match[k];
+  }
+  from *= 1.0f / used.size();
+  to *= 1.0f / used.size();
+  double along = 0.0, across = 0.0, squares = 0.0;
+  for (std::size_t k : used) {
+    const cv::Point2f a = p.query[k] - from, b = p.match[k] - to;
+    along += a.dot(b);
+    across += a.cross(b);
+    squares += a.dot(a);
+  }
+  Layout layout;
+  layout.rotation = cv::Point2d(along / squares, across / squares);
+  layout.offset = to - layout(from);
+  return layout;
+}
+
 // Features that are drawn from one spot are no independent evidence: counts those at least that far apart.
 int distinct(const std::vector<cv::Point2f>& points, float distance) {
   std::vector<cv::Point2f> kept;
@@ -196,6 +218,8 @@ GeometryResult checkLayout(const View& query, const View& match, const GeometryO
     inliers = fitting;
     best = *layout;
   }
+  if (inliers.size() <= kLayoutPoints) return result;
+  best = refined(points, inliers);
   std::vector<cv::Point2f> spots;
   for (std::size_t k : inliers) {
     result.pairs.push_back(pairs[k]);
@@ -204,7 +228,9 @@ GeometryResult checkLayout(const View& query, const View& match, const GeometryO
   const int count = distinct(spots, 0.008f * static_cast<float>(query.size.width));
   const double probability = std::min(0.5, CV_PI * tolerance * tolerance / match.size.area());
   result.scale = std::hypot(best.rotation.x, best.rotation.y);
-  result.overlap = overlapOf(best, query.size, match.size);
+  const double overlap = overlapOf(best, query.size, match.size);
+  const double of_match = overlap * result.scale * result.scale * query.size.area() / match.size.area();
+  result.overlap = std::min(overlap, of_match);
   if (result.overlap >= options.min_overlap) {
     result.significance = significanceOf(result.matches, count, probability);
   }

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 #include <stdexcept>
 
@@ -26,7 +27,40 @@ std::vector<float> depthsAt(const cv::Mat& depth, const std::vector<cv::Point2f>
   return depths;
 }
 
-void checkDepth(const Frame& frame) {
+// Of two ascending lists.
+std::size_t commonCount(const std::vector<int>& a, const std::vector<int>& b) {
+  std::size_t count = 0;
+  for (auto i = a.begin(), j = b.begin(); i != a.end() && j != b.end();) {
+    count += *i == *j;
+    if (*i < *j) {
+      ++i;
+    } else {
+      i += *i == *j;
+      ++j;
+    }
+  }
+  return count;
+}
+
+std::vector<float> depthsByStereo(const cv::Mat& left, const RightImage& right, const Camera& camera,
+                                  const std::vector<cv::Point2f>& points, const StereoOptions& options) {
+  std::vector<float> depths = disparitiesAt(toGrey(left), toGrey(right.image), points, options);
+  for (float& value : depths) {
+    const double disparity = value - (camera.cx - right.cx);
+    value = value > 0.0f && disparity > 0.0 ? static_cast<float>(camera.fx * right.baseline / disparity) : 0.0f;
+  }
+  return depths;
+}
+
+void checkFrame(const Frame& frame) {
+  if (frame.right) {
+    if (!frame.depth.empty())
+      throw std::invalid_argument("there are both a depth image and a right image, allowed is one of them");
+    if (frame.right->image.size() != frame.image.size())
+      throw std::invalid_argument("the right image and the left one differ in size");
+    toGrey(frame.right->image);
+    checkRange("the baseline (m)", frame.right->baseline, 1e-6, 1e6);
+  }
   if (frame.depth.empty()) return;
   if (frame.depth.size() != frame.image.size())
     throw std::invalid_argument("the depth image and the image differ in size");
@@ -56,8 +90,10 @@ void LoopDetectorOptions::validate() const {
   index.validate();
   checkRange("beta", beta, 1, 1000000);
   checkRange("min_similarity", min_similarity, 0.0, 1.0);
+  checkRange("max_remaining", max_remaining, 0.0, 1.0);
   checkRange("candidates", candidates, 1, 10000);
   geometry.validate();
+  stereo.validate();
   tracks.validate();
 }
 
@@ -95,7 +131,7 @@ Detection LoopDetector::process(const Frame& frame, const StageDone& done) {
     if (done) done(stage);
   };
   const cv::Mat prepared = extractor_.prepare(frame.image);
-  checkDepth(frame);
+  checkFrame(frame);
   auto key_points = extractor_.detect(prepared);
   finish(Stage::kDetection);
   View view;
@@ -131,7 +167,10 @@ Detection LoopDetector::process(const Frame& frame, const StageDone& done) {
   Features last_features = view.features;
   if (options_.geometric_check) {
     view = firstFeatures(view, options_.geometry.max_features);
-    view.depths = depthsAt(frame.depth, view.features.points);
+    view.depths = frame.right && frame.camera
+                      ? depthsByStereo(frame.image, *frame.right, *frame.camera, view.features.points,
+                                       options_.stereo)
+                      : depthsAt(frame.depth, view.features.points);
     decideByGeometry(view, frame.camera, endOfCandidates(view), detection);
   }
   finish(Stage::kGeometry);
@@ -156,6 +195,33 @@ int LoopDetector::endOfCandidates(const View& view) {
   while (in_view_ < end && !shows_the_same(in_view_)) in_view_ += step;
   in_view_ = std::min(in_view_, end);
   return in_view_;
+}
+
+// Whether the camera has lost sight of an image since then, for beta / 2 images at least. Common words tell
+// where that is most likely, and the layout whether it is so.
+bool LoopDetector::hasLeft(int image, double significance) const {
+  const int window = std::max(1, options_.beta / 2);
+  constexpr int kWindows = 64;
+  const int step = std::max(window, (images() - image) / kWindows);
+  const std::vector<int>& words = vocabulary_.wordsOf(image);
+  std::size_t least = std::numeric_limits<std::size_t>::max();
+  int closest_of_least = -1;
+  for (int first = image + 1; first + window <= images(); first += step) {
+    std::size_t most = 0;
+    int closest = first;
+    for (int i = first; i < first + window; ++i) {
+      const std::size_t common = commonCount(words, vocabulary_.wordsOf(i));
+      if (common <= most) continue;
+      most = common;
+      closest = i;
+    }
+    if (most >= least) continue;
+    least = most;
+    closest_of_least = closest;
+  }
+  if (closest_of_least < 0) return false;
+  const GeometryResult between = checkLayout(views_[closest_of_least], views_[image], options_.geometry);
+  return between.significance < options_.max_remaining * significance;
 }
 
 // The arg max of 4.4.3. Normalizing doesn't change it, and would make the similarity depend on the sequence's
@@ -217,7 +283,8 @@ void LoopDetector::decideByGeometry(const View& view, const std::optional<Camera
   std::vector<Checked> checked;
   for (int candidate : candidatesOf(detection.similarities, end)) {
     GeometryResult result = checkLayout(view, views_[candidate], options_.geometry);
-    if (result.significance >= options_.tracks.min_significance)
+    if (result.significance >= options_.tracks.min_significance &&
+        (!options_.leave_first || hasLeft(candidate, result.significance)))
       checked.push_back({candidate, std::move(result)});
   }
   std::stable_sort(checked.begin(), checked.end(), [](const Checked& a, const Checked& b) {

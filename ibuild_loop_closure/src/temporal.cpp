@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 
 #include "checks.h"
 
@@ -55,13 +56,17 @@ LoopTracks::Decision LoopTracks::decide(int query, const std::vector<Hypothesis>
     Track track{query, h.match, h.verified ? 1 : 0, h.verified ? h.significance : 0.0, false};
     double weight = h.closeness * h.significance;
     if (before) {
+      // Both walks are most likely as fast.
+      const int deviation = std::abs((h.match - before->match) - (query - before->query));
+      weight *= static_cast<double>(beta_) / (beta_ + deviation);
       track.verified += before->verified;
       track.evidence += left(*before, query);
       track.open = before->open;
       weight += left(*before, query);
     }
-    track.open = track.open ||
-                 (track.verified >= options_.min_verified && track.evidence >= options_.open_significance);
+    track.open =
+        track.verified >= options_.min_verified &&
+        track.evidence >= (track.open ? options_.min_significance : options_.open_significance);
     extended.push_back(track);
     if (weight > most) {
       most = weight;

@@ -44,6 +44,11 @@ struct FeatureOptions {
   void validate() const;
 };
 
+/// Grey, 8 bits; an image of 16 bits is scaled to its range.
+/// @param image of 1, 3 (BGR) or 4 (BGRA) channels, 8 or 16 bits
+/// @throws std::invalid_argument if it is empty or of another type
+cv::Mat toGrey(const cv::Mat& image);
+
 class FeatureExtractor {
  public:
   /// @throws std::invalid_argument as FeatureOptions::validate
@@ -52,9 +57,8 @@ class FeatureExtractor {
   FeatureExtractor& operator=(FeatureExtractor&&) noexcept;
   ~FeatureExtractor();
 
-  /// 4.4.1: grey, 8 bits, scaled and equalized as the options say.
-  /// @param image of 1, 3 (BGR) or 4 (BGRA) channels, 8 or 16 bits
-  /// @throws std::invalid_argument if it is empty or of another type
+  /// 4.4.1: grey (toGrey), scaled and equalized as the options say.
+  /// @throws std::invalid_argument as toGrey
   cv::Mat prepare(const cv::Mat& image) const;
   /// Key points of a prepared image.
   std::vector<cv::KeyPoint> detect(const cv::Mat& prepared) const;

@@ -20,7 +20,7 @@ struct GeometryOptions {
   double layout_tolerance =
       0.047;  ///< of the image's width: how far a match may be from where the layout has it
   double epipolar_tolerance = 0.005;  ///< of the image's width: the same from its epipolar line
-  double min_overlap = 0.0;           ///< share of the image that the other must show, 0 to 1
+  double min_overlap = 0.5;           ///< share of the image that the other must show, 0 to 1
   double max_scale = 2.5;             ///< between the images, 1 to 100
   int iterations = 100;               ///< of the search for the layout
   int min_inliers = 12;  ///< of the epipolar geometry or of the pose, for an image to be verified

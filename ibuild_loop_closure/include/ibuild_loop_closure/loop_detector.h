@@ -12,6 +12,7 @@
 
 #include "ibuild_loop_closure/features.h"
 #include "ibuild_loop_closure/geometry.h"
+#include "ibuild_loop_closure/stereo.h"
 #include "ibuild_loop_closure/temporal.h"
 #include "ibuild_loop_closure/vocabulary.h"
 
@@ -29,8 +30,10 @@ struct LoopDetectorOptions {
   bool grouping = true;  ///< a candidate's similarity is summed with that of its neighbours in time
   bool geometric_check = true;
   bool leave_first = true;  ///< with it: what has been in view ever since is no candidate
+  double max_remaining = 0.5;  ///< with leave_first: share of a loop's significance that images between may have
   int candidates = 5;       ///< images that undergo the geometric check, >= 1
   GeometryOptions geometry;
+  StereoOptions stereo;
   TrackOptions tracks;
 
   /// The method of section 4.4 to the letter, with its exact linear search.
@@ -39,10 +42,18 @@ struct LoopDetectorOptions {
   void validate() const;
 };
 
+/// That of a rectified stereo camera; the other one is the left image.
+struct RightImage {
+  cv::Mat image;          ///< as the left one, of its size
+  double baseline = 0.0;  ///< m, > 0
+  double cx = 0.0;        ///< of its principal point, pixels
+};
+
 struct Frame {
   cv::Mat image;  ///< see FeatureExtractor::prepare
   cv::Mat depth;  ///< empty, or of the image's size: 32 bits, m, or 16 bits, mm; 0 or NaN: unknown
   std::optional<Camera> camera;  ///< intrinsics of both, if known
+  std::optional<RightImage> right = {};  ///< in place of depth; of use with a camera only
 };
 
 struct Loop {
@@ -88,7 +99,7 @@ class LoopDetector {
 
   /// Compares an image with all earlier ones and adds it to the vocabulary.
   /// @param done called at the end of each stage
-  /// @throws std::invalid_argument if the image or its depth won't do; nothing has changed then
+  /// @throws std::invalid_argument if the image, its depth or its right image won't do; nothing has changed then
   Detection process(const Frame& frame, const StageDone& done = {});
 
   /// Says that the next image doesn't follow the last one: time jumped, the camera was moved.
@@ -103,6 +114,7 @@ class LoopDetector {
  private:
   std::vector<int> candidatesOf(const std::vector<double>& similarities, int end) const;
   int endOfCandidates(const View& view);
+  bool hasLeft(int image, double significance) const;
   void decideBySimilarity(int end, Detection& detection);
   void decideByGeometry(const View& view, const std::optional<Camera>& camera, int end, Detection& detection);
 

@@ -11,6 +11,7 @@
 #include <mapping_msgs/SaveMap.h>
 #include <message_filters/subscriber.h>
 #include <message_filters/sync_policies/approximate_time.h>
+#include <message_filters/sync_policies/exact_time.h>
 #include <message_filters/synchronizer.h>
 #include <std_srvs/Empty.h>
 #include <tf2_eigen/tf2_eigen.h>
@@ -19,6 +20,7 @@
 
 #include <algorithm>
 #include <array>
+#include <functional>
 #include <memory>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
@@ -49,6 +51,30 @@ struct Activity {
   double longest = 0.0;
 };
 
+// Two topics whose messages belong together.
+template <class Policy, class First, class Second>
+class Synchronized {
+ public:
+  using FirstPtr = boost::shared_ptr<const First>;
+  using SecondPtr = boost::shared_ptr<const Second>;
+  using Callback = std::function<void(const FirstPtr&, const SecondPtr&)>;
+  Synchronized(ros::NodeHandle node, const std::string& first_topic, const std::string& second_topic,
+               std::uint32_t queue, Callback callback)
+      : callback_(std::move(callback)),
+        first_(node, first_topic, queue),
+        second_(node, second_topic, queue),
+        both_(Policy(queue), first_, second_) {
+    both_.registerCallback(&Synchronized::arrived, this);
+  }
+
+ private:
+  void arrived(const FirstPtr& first, const SecondPtr& second) { callback_(first, second); }
+  Callback callback_;
+  message_filters::Subscriber<First> first_;
+  message_filters::Subscriber<Second> second_;
+  message_filters::Synchronizer<Policy> both_;
+};
+
 }  // namespace
 
 class LoopClosureNodelet : public mapping_common::Nodelet {
@@ -59,7 +85,10 @@ class LoopClosureNodelet : public mapping_common::Nodelet {
   void start(mapping_common::Parameters& reader) override;
   void subscribe();
   template <class Message>
-  void arrived(const boost::shared_ptr<const Message>& image, const sensor_msgs::ImageConstPtr& depth);
+  void subscribePairs(const std::string& topic);
+  template <class Message>
+  void arrived(const boost::shared_ptr<const Message>& image,
+               const std::function<void(Frame&)>& add_depth = [](Frame&) {});
   bool inOrder(const ros::Time& stamp);
   bool poseAt(const std_msgs::Header& header, std::optional<Eigen::Isometry3d>& pose);
   void process(const Frame& frame, const std_msgs::Header& header);
@@ -79,6 +108,7 @@ class LoopClosureNodelet : public mapping_common::Nodelet {
   std::unique_ptr<LoopDetector> detector_;
   KeyFrameSelector key_frames_;
   std::optional<Camera> camera_;
+  sensor_msgs::CameraInfoConstPtr right_info_;
   // Of each image of the vocabulary; those that a file brought have stamp zero and no thumbnail.
   std::vector<ros::Time> stamps_;
   std::vector<std::vector<unsigned char>> thumbnails_;  // JPEG
@@ -89,18 +119,8 @@ class LoopClosureNodelet : public mapping_common::Nodelet {
   std::unique_ptr<tf2_ros::TransformListener> tf_listener_;
   std::unique_ptr<image_transport::ImageTransport> transport_;
   image_transport::Subscriber images_;
-  ros::Subscriber camera_info_, compressed_images_;
-  template <class Message>
-  struct WithDepth {
-    using Policy = message_filters::sync_policies::ApproximateTime<Message, sensor_msgs::Image>;
-    message_filters::Subscriber<Message> images;
-    message_filters::Subscriber<sensor_msgs::Image> depths;
-    std::unique_ptr<message_filters::Synchronizer<Policy>> synchronizer;
-  };
-  template <class Message>
-  void subscribeWithDepth(WithDepth<Message>& both, const std::string& topic);
-  WithDepth<sensor_msgs::Image> raw_with_depth_;
-  WithDepth<sensor_msgs::CompressedImage> compressed_with_depth_;
+  ros::Subscriber camera_info_, right_camera_info_, compressed_images_;
+  std::shared_ptr<void> pairs_;  // a Synchronized
   ros::Publisher loops_;
   image_transport::Publisher debug_images_;
   std::vector<ros::ServiceServer> services_;
@@ -162,34 +182,51 @@ void LoopClosureNodelet::subscribe() {
   const bool raw = parameters_.image_transport == "raw";
   camera_info_ = node.subscribe<sensor_msgs::CameraInfo>(
       "camera_info", 1, [this](const sensor_msgs::CameraInfoConstPtr& info) { camera_ = toCamera(*info); });
-  if (parameters_.use_depth && raw) {
-    subscribeWithDepth(raw_with_depth_, "image");
-  } else if (parameters_.use_depth) {
-    subscribeWithDepth(compressed_with_depth_, compressed);
+  const bool pairs = parameters_.use_depth || parameters_.use_stereo;
+  if (pairs && raw) {
+    subscribePairs<sensor_msgs::Image>("image");
+  } else if (pairs) {
+    subscribePairs<sensor_msgs::CompressedImage>(compressed);
   } else if (raw) {
-    images_ = transport_->subscribe(
-        "image", queue, [this](const sensor_msgs::ImageConstPtr& image) { arrived(image, nullptr); });
+    images_ = transport_->subscribe("image", queue,
+                                    [this](const sensor_msgs::ImageConstPtr& image) { arrived(image); });
   } else {
     compressed_images_ = node.subscribe<sensor_msgs::CompressedImage>(
-        compressed, queue,
-        [this](const sensor_msgs::CompressedImageConstPtr& image) { arrived(image, nullptr); });
+        compressed, queue, [this](const sensor_msgs::CompressedImageConstPtr& image) { arrived(image); });
   }
 }
 
 template <class Message>
-void LoopClosureNodelet::subscribeWithDepth(WithDepth<Message>& both, const std::string& topic) {
-  const auto queue = static_cast<std::uint32_t>(parameters_.queue_size);
-  both.images.subscribe(getNodeHandle(), topic, queue);
-  both.depths.subscribe(getNodeHandle(), "depth", queue);
-  using Policy = typename WithDepth<Message>::Policy;
-  both.synchronizer =
-      std::make_unique<message_filters::Synchronizer<Policy>>(Policy(queue), both.images, both.depths);
-  both.synchronizer->registerCallback(&LoopClosureNodelet::arrived<Message>, this);
+void LoopClosureNodelet::subscribePairs(const std::string& topic) {
+  using message_filters::sync_policies::ApproximateTime;
+  using message_filters::sync_policies::ExactTime;
+  if (parameters_.use_depth) {
+    using Policy = ApproximateTime<Message, sensor_msgs::Image>;
+    pairs_ = std::make_shared<Synchronized<Policy, Message, sensor_msgs::Image>>(
+        getNodeHandle(), topic, "depth", parameters_.queue_size,
+        [this](const boost::shared_ptr<const Message>& image, const sensor_msgs::ImageConstPtr& depth) {
+          arrived(image, [&](Frame& frame) { frame.depth = toDepth(*depth); });
+        });
+  } else {  // stereo: both cameras are triggered together
+    using Policy = ExactTime<Message, Message>;
+    right_camera_info_ = getNodeHandle().subscribe<sensor_msgs::CameraInfo>(
+        "right/camera_info", 1, [this](const sensor_msgs::CameraInfoConstPtr& info) { right_info_ = info; });
+    const bool raw = parameters_.image_transport == "raw";
+    const std::string right = getNodeHandle().resolveName("right/image") + (raw ? "" : "/compressed");
+    pairs_ = std::make_shared<Synchronized<Policy, Message, Message>>(
+        getNodeHandle(), topic, right, parameters_.queue_size,
+        [this](const boost::shared_ptr<const Message>& image,
+               const boost::shared_ptr<const Message>& right_image) {
+          arrived(image, [&](Frame& frame) {
+            if (right_info_) frame.right = toRightImage(toImage(*right_image), *right_info_);
+          });
+        });
+  }
 }
 
 template <class Message>
 void LoopClosureNodelet::arrived(const boost::shared_ptr<const Message>& image,
-                                 const sensor_msgs::ImageConstPtr& depth) {
+                                 const std::function<void(Frame&)>& add_depth) {
   ++activity_.images;
   const std_msgs::Header& header = image->header;
   if (!inOrder(header.stamp)) return;
@@ -199,7 +236,7 @@ void LoopClosureNodelet::arrived(const boost::shared_ptr<const Message>& image,
     std::optional<Eigen::Isometry3d> pose;
     if (!poseAt(header, pose)) return;
     if (!key_frames_.select(header.stamp.toSec(), pose, frame.image)) return;
-    if (depth) frame.depth = toDepth(*depth);
+    add_depth(frame);
     frame.camera = camera_;
     process(frame, header);
   } catch (const std::exception& e) {
@@ -349,6 +386,7 @@ void LoopClosureNodelet::diagnoseInput(StatusWrapper& status) {
   status.addf("Key frames (Hz)", "%.1f", static_cast<double>(activity_.key_frames) / seconds);
   drops_.addTo(status, "Dropped");
   status.add("Camera calibrated", camera_.has_value());
+  if (parameters_.use_stereo) status.add("Right camera calibrated", right_info_ != nullptr);
 }
 
 void LoopClosureNodelet::diagnoseLoops(StatusWrapper& status) {

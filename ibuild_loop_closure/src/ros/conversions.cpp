@@ -69,6 +69,16 @@ std::optional<Camera> toCamera(const sensor_msgs::CameraInfo& message) {
   return Camera{p[0], p[5], p[2], p[6]};
 }
 
+RightImage toRightImage(const cv::Mat& image, const sensor_msgs::CameraInfo& info) {
+  const auto& p = info.P;
+  const double baseline = p[0] > 0.0 ? -p[3] / p[0] : 0.0;
+  if (!(baseline > 0.0))
+    throw std::invalid_argument("the right camera_info has no baseline: P(0, 0) is " + std::to_string(p[0]) +
+                                ", P(0, 3) is " + std::to_string(p[3]) +
+                                ", which has to be -P(0, 0) * baseline");
+  return {image, baseline, p[2]};
+}
+
 mapping_msgs::EdgeConstraint toEdge(const Loop& loop, const std_msgs::Header& to_header,
                                     const ros::Time& from_stamp, bool other_run) {
   mapping_msgs::EdgeConstraint edge;

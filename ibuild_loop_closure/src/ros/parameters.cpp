@@ -1,12 +1,17 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "ibuild_loop_closure/ros/parameters.h"
 
+#include <stdexcept>
+
 namespace ibuild_loop_closure {
 
 LoopClosureParameters readLoopClosureParameters(mapping_common::Parameters& p) {
   LoopClosureParameters m;
   m.image_transport = p.choice("image_transport", m.image_transport, {"raw", "compressed"});
   m.use_depth = p.get("use_depth", m.use_depth);
+  m.use_stereo = p.get("use_stereo", m.use_stereo);
+  if (m.use_depth && m.use_stereo)
+    throw std::invalid_argument("~use_depth and ~use_stereo are both true, allowed is one of them");
   m.queue_size = p.get("queue_size", m.queue_size, 1, 1000);
   m.debug_image = p.get("debug_image", m.debug_image);
   m.vocabulary_file = p.get("vocabulary_file", m.vocabulary_file);
@@ -51,6 +56,7 @@ LoopClosureParameters readLoopClosureParameters(mapping_common::Parameters& p) {
   d.grouping = p.get("grouping", d.grouping);
   d.geometric_check = p.get("geometric_check", d.geometric_check);
   d.leave_first = p.get("leave_first", d.leave_first);
+  d.max_remaining = p.get("max_remaining", d.max_remaining, 0.0, 1.0);
   d.candidates = p.get("candidates", d.candidates, 1, 10000);
   GeometryOptions& g = d.geometry;
   g.max_features = p.get("geometry/max_features", g.max_features, 8, 100000);
@@ -62,6 +68,12 @@ LoopClosureParameters readLoopClosureParameters(mapping_common::Parameters& p) {
   g.max_scale = p.get("geometry/max_scale", g.max_scale, 1.0, 100.0);
   g.iterations = p.get("geometry/iterations", g.iterations, 1, 100000);
   g.min_inliers = p.get("geometry/min_inliers", g.min_inliers, 8, 10000);
+  StereoOptions& s = d.stereo;
+  s.window = p.get("stereo/window", s.window, 5, 63);
+  s.min_disparity = p.get("stereo/min_disparity", s.min_disparity, 0.1, 1000.0);
+  s.max_disparity = p.get("stereo/max_disparity", s.max_disparity, 0.001, 1.0);
+  s.uniqueness = p.get("stereo/uniqueness", s.uniqueness, 0.0, 1.0);
+  s.max_difference = p.get("stereo/max_difference", s.max_difference, 0.0, 255.0);
   TrackOptions& t = d.tracks;
   t.min_significance = p.get("tracks/min_significance", t.min_significance, 0.0, 1e6);
   t.open_significance = p.get("tracks/open_significance", t.open_significance, 0.0, 1e6);

@@ -25,6 +25,10 @@ cv::Mat toDepth(const sensor_msgs::Image& message);
 /// Of the rectified image (P); none where it isn't calibrated.
 std::optional<Camera> toCamera(const sensor_msgs::CameraInfo& message);
 
+/// The right image of a stereo camera with its calibration, P(0, 3) = -fx * baseline (REP 104).
+/// @throws std::invalid_argument if it has no baseline
+RightImage toRightImage(const cv::Mat& image, const sensor_msgs::CameraInfo& info);
+
 /// @param to_header of the query's image, @param from_stamp of the match's
 mapping_msgs::EdgeConstraint toEdge(const Loop& loop, const std_msgs::Header& to_header,
                                     const ros::Time& from_stamp, bool other_run);

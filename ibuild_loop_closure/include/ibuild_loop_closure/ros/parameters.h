@@ -17,7 +17,7 @@ struct LoopClosureParameters {
   std::string image_transport = "raw";
   std::string fixed_frame = "odom";
   std::string vocabulary_file, save_on_shutdown;
-  bool use_depth = false, debug_image = true;
+  bool use_depth = false, use_stereo = false, debug_image = true;
   int queue_size = 5;
 };
 
