@@ -13,15 +13,14 @@
 namespace ibuild_loop_closure {
 namespace {
 
-constexpr int kCellsAcross = 10, kCellsDown = 8;
-
 // The strongest key points of each cell of a grid in turn, until there are enough.
-std::vector<cv::KeyPoint> spread(const std::vector<cv::KeyPoint>& sorted, std::size_t count, cv::Size size) {
-  std::array<std::vector<cv::KeyPoint>, kCellsAcross * kCellsDown> cells;
+std::vector<cv::KeyPoint> spread(const std::vector<cv::KeyPoint>& sorted, std::size_t count, cv::Size size,
+                                 cv::Size grid) {
+  std::vector<std::vector<cv::KeyPoint>> cells(grid.area());
   for (const cv::KeyPoint& k : sorted) {
-    const int column = std::min(kCellsAcross - 1, static_cast<int>(k.pt.x) * kCellsAcross / size.width);
-    const int row = std::min(kCellsDown - 1, static_cast<int>(k.pt.y) * kCellsDown / size.height);
-    cells[row * kCellsAcross + column].push_back(k);
+    const int column = std::min(grid.width - 1, static_cast<int>(k.pt.x) * grid.width / size.width);
+    const int row = std::min(grid.height - 1, static_cast<int>(k.pt.y) * grid.height / size.height);
+    cells[row * grid.width + column].push_back(k);
   }
   std::vector<cv::KeyPoint> chosen;
   chosen.reserve(count);
@@ -41,6 +40,8 @@ void FeatureOptions::validate() const {
   checkRange("size", size, 1.0f, 100.0f);
   checkRange("pattern_scale", pattern_scale, 0.1, 10.0);
   checkRange("max_features", max_features, 0, 100000);
+  checkRange("columns", columns, 1, 1000);
+  checkRange("rows", rows, 1, 1000);
   checkRange("max_width", max_width, 0, 100000);
 }
 
@@ -107,7 +108,7 @@ std::vector<cv::KeyPoint> FeatureExtractor::detect(const cv::Mat& prepared) cons
     if (a.response != b.response) return a.response > b.response;
     return a.pt.y != b.pt.y ? a.pt.y < b.pt.y : a.pt.x < b.pt.x;
   });
-  if (options_.spread) return spread(found, count, prepared.size());
+  if (options_.spread) return spread(found, count, prepared.size(), {options_.columns, options_.rows});
   found.resize(count);
   return found;
 }

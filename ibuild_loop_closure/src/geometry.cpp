@@ -186,6 +186,7 @@ void GeometryOptions::validate() const {
   checkRange("ratio", ratio, 0.1, 1.0);
   checkRange("layout_tolerance", layout_tolerance, 0.001, 0.5);
   checkRange("epipolar_tolerance", epipolar_tolerance, 0.0001, 0.1);
+  checkRange("spot", spot, 0.0, 0.5);
   checkRange("min_overlap", min_overlap, 0.0, 1.0);
   checkRange("max_scale", max_scale, 1.0, 100.0);
   checkRange("iterations", iterations, 1, 100000);
@@ -200,14 +201,14 @@ GeometryResult checkLayout(const View& query, const View& match, const GeometryO
   if (pairs.size() <= kLayoutPoints) return result;
   const PointPairs points = pointsOf(query, match, pairs);
   const auto tolerance = static_cast<float>(options.layout_tolerance * match.size.width);
-  const float min_distance = 0.05f * static_cast<float>(query.size.width);
+  const auto spot = static_cast<float>(options.spot * query.size.width);
 
   Layout best;
   std::vector<std::size_t> inliers, fitting;
   std::mt19937 random(1);  // the same images always give the same result
   for (int i = 0; i < options.iterations; ++i) {
     const std::size_t a = random() % pairs.size(), b = random() % pairs.size();
-    const auto layout = layoutOf(points, a, b, min_distance, options.max_scale);
+    const auto layout = layoutOf(points, a, b, tolerance, options.max_scale);
     if (!layout) continue;
     fitting.clear();
     for (std::size_t k = 0; k < pairs.size(); ++k) {
@@ -225,7 +226,7 @@ GeometryResult checkLayout(const View& query, const View& match, const GeometryO
     result.pairs.push_back(pairs[k]);
     spots.push_back(points.query[k]);
   }
-  const int count = distinct(spots, 0.008f * static_cast<float>(query.size.width));
+  const int count = distinct(spots, spot);
   const double probability = std::min(0.5, CV_PI * tolerance * tolerance / match.size.area());
   result.scale = std::hypot(best.rotation.x, best.rotation.y);
   const double overlap = overlapOf(best, query.size, match.size);
@@ -278,7 +279,7 @@ void verify(const View& query, const View& match, const std::optional<Camera>& c
     pairs.push_back(result.pairs[i]);
     spots.push_back(points.query[i]);
   }
-  result.inliers = distinct(spots, 0.008f * static_cast<float>(query.size.width));
+  result.inliers = distinct(spots, static_cast<float>(options.spot * query.size.width));
   result.verified = result.inliers >= options.min_inliers;
   result.pairs = std::move(pairs);
 }

@@ -13,6 +13,8 @@
 namespace ibuild_loop_closure {
 namespace {
 
+constexpr double kRounding = 1e-9;  // of sums of images
+
 // Depth (m) at the features, 0 where it is unknown.
 std::vector<float> depthsAt(const cv::Mat& depth, const std::vector<cv::Point2f>& points) {
   std::vector<float> depths;
@@ -80,6 +82,7 @@ LoopDetectorOptions LoopDetectorOptions::thesis() {
   o.index.type = IndexType::kLinear;
   o.index.nearest = false;
   o.grouping = o.leave_first = o.geometric_check = false;
+  o.step = 0.0;
   return o;
 }
 
@@ -90,8 +93,10 @@ void LoopDetectorOptions::validate() const {
   index.validate();
   checkRange("beta", beta, 1, 1000000);
   checkRange("min_similarity", min_similarity, 0.0, 1.0);
+  checkRange("step", step, 0.0, 1.0);
   checkRange("max_remaining", max_remaining, 0.0, 1.0);
   checkRange("candidates", candidates, 1, 10000);
+  checkRange("verified", verified, 1, 10000);
   geometry.validate();
   stereo.validate();
   tracks.validate();
@@ -144,7 +149,9 @@ Detection LoopDetector::process(const Frame& frame, const StageDone& done) {
   // Fig. 4.7: what is seen in two consecutive images is likely to be seen again.
   const std::vector<Descriptor>& descriptors = view.features.descriptors;
   std::vector<Descriptor> tracked;
-  for (const Match& m : matchDescriptors(descriptors, last_.descriptors, options_.tracking_delta)) {
+  const std::vector<Match> matches =
+      matchDescriptors(descriptors, last_.descriptors, options_.tracking_delta);
+  for (const Match& m : matches) {
     tracked.push_back(centroid(descriptors[m.a], last_.descriptors[m.b]));
   }
   finish(Stage::kTracking);
@@ -161,7 +168,9 @@ Detection LoopDetector::process(const Frame& frame, const StageDone& done) {
   detection.new_words = static_cast<int>(assignment.new_words.size());
   detection.similarities = options_.geometric_check ? vocabulary_.idfSimilarities(assignment)
                                                     : vocabulary_.similarities(assignment);
-  const int end = std::max(0, detection.image - options_.beta + 1);
+  const double now = detection.image == 0 ? 0.0 : clock_.back() + progressOf(view, matches);
+  const auto end = static_cast<int>(
+      std::upper_bound(clock_.begin(), clock_.end(), now - options_.beta + kRounding) - clock_.begin());
   if (!options_.geometric_check) decideBySimilarity(end, detection);
   finish(Stage::kHypotheses);
   Features last_features = view.features;
@@ -171,22 +180,35 @@ Detection LoopDetector::process(const Frame& frame, const StageDone& done) {
                       ? depthsByStereo(frame.image, *frame.right, *frame.camera, view.features.points,
                                        options_.stereo)
                       : depthsAt(frame.depth, view.features.points);
-    decideByGeometry(view, frame.camera, endOfCandidates(view), detection);
+    decideByGeometry(view, frame.camera, endOfCandidates(view, end), detection);
   }
   finish(Stage::kGeometry);
 
   vocabulary_.update(assignment);
+  clock_.push_back(now);
   last_ = std::move(last_features);
   if (options_.geometric_check) views_.push_back(std::move(view));
   finish(Stage::kUpdate);
   return detection;
 }
 
+// What the image counts for in beta, 0 to 1: the median motion of features since the last one, in steps.
+double LoopDetector::progressOf(const View& view, const std::vector<Match>& tracked) const {
+  constexpr double kFew = 0.2;  // of the features: most of the view is new then
+  if (options_.step <= 0.0 || tracked.empty() ||
+      static_cast<double>(tracked.size()) < kFew * static_cast<double>(view.features.size()))
+    return 1.0;
+  std::vector<double> motions;
+  for (const Match& m : tracked) motions.push_back(cv::norm(view.features.points[m.a] - last_.points[m.b]));
+  const auto median = motions.begin() + static_cast<std::ptrdiff_t>(motions.size() / 2);
+  std::nth_element(motions.begin(), median, motions.end());
+  return std::min(1.0, *median / (options_.step * view.size.width));
+}
+
 // Candidates are the images before that one: t_L = t - beta and earlier. If so wanted none of those either
 // that show what has been in view since then: a slow camera closes no loop.
-int LoopDetector::endOfCandidates(const View& view) {
-  const int end = std::max(0, images() - options_.beta + 1);
-  if (!options_.geometric_check || !options_.leave_first) return end;
+int LoopDetector::endOfCandidates(const View& view, int end) {
+  if (!options_.leave_first) return end;
   const int step = std::max(1, options_.beta / 2);
   const auto shows_the_same = [&](int image) {
     return checkLayout(view, views_[image], options_.geometry).significance >=
@@ -206,10 +228,14 @@ bool LoopDetector::hasLeft(int image, double significance) const {
   const std::vector<int>& words = vocabulary_.wordsOf(image);
   std::size_t least = std::numeric_limits<std::size_t>::max();
   int closest_of_least = -1;
-  for (int first = image + 1; first + window <= images(); first += step) {
+  for (int first = image + 1; first < images(); first += step) {
+    const auto last = static_cast<int>(
+        std::lower_bound(clock_.begin(), clock_.end(), clock_[first] + window - 1 - kRounding) -
+        clock_.begin());
+    if (last >= images()) break;
     std::size_t most = 0;
     int closest = first;
-    for (int i = first; i < first + window; ++i) {
+    for (int i = first; i <= last; i += 1 + (last - first) / window) {
       const std::size_t common = commonCount(words, vocabulary_.wordsOf(i));
       if (common <= most) continue;
       most = common;
@@ -290,11 +316,10 @@ void LoopDetector::decideByGeometry(const View& view, const std::optional<Camera
   std::stable_sort(checked.begin(), checked.end(), [](const Checked& a, const Checked& b) {
     return a.result.significance > b.result.significance;
   });
-  constexpr std::size_t kVerified = 4;  // the most significant ones, as this takes the most time
   std::vector<LoopTracks::Hypothesis> hypotheses;
   for (std::size_t i = 0; i < checked.size(); ++i) {
     GeometryResult& result = checked[i].result;
-    if (i < kVerified) verify(view, views_[checked[i].image], camera, options_.geometry, result);
+    if (i < static_cast<std::size_t>(options_.verified)) verify(view, views_[checked[i].image], camera, options_.geometry, result);
     hypotheses.push_back(
         {checked[i].image, result.significance, result.verified, std::min(result.scale, 1.0 / result.scale)});
   }
@@ -324,6 +349,8 @@ void LoopDetector::load(const std::string& path) {
     LoopDetector loaded(options);
     loaded.vocabulary_ = Vocabulary::restore(std::move(file.content));
     if (options.geometric_check) loaded.views_ = std::move(file.views);
+    loaded.clock_.resize(loaded.images());
+    std::iota(loaded.clock_.begin(), loaded.clock_.end(), 0.0);
     *this = std::move(loaded);
   } catch (const std::exception& e) {
     throw std::runtime_error(path + " was not loaded: " + e.what());

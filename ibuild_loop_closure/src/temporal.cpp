@@ -28,6 +28,7 @@ void TrackOptions::validate() const {
   checkRange("min_verified", min_verified, 0, 1000);
   checkRange("memory", memory, 0.0, 1.0);
   checkRange("backward", backward, 0, 1000);
+  checkRange("ahead", ahead, 0, 1000);
 }
 
 double LoopTracks::left(const Track& track, int query) const {
@@ -93,9 +94,8 @@ std::vector<int> LoopTracks::expected(int query) const {
   std::sort(open.begin(), open.end(),
             [&](const Track& a, const Track& b) { return left(a, query) > left(b, query); });
   std::vector<int> images;
-  constexpr int kAhead = 3;
   for (const Track& track : open) {
-    for (int image = track.match; image <= track.match + kAhead; ++image) {
+    for (int image = track.match; image <= track.match + options_.ahead; ++image) {
       if (std::find(images.begin(), images.end(), image) == images.end()) images.push_back(image);
     }
   }

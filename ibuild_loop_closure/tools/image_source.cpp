@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <map>
 #include <numeric>
 #include <opencv2/imgcodecs.hpp>
 #include <set>
@@ -45,7 +46,10 @@ std::vector<int> counted(std::size_t count) {
 
 class Folders : public ImageSource {
  public:
-  explicit Folders(const std::vector<std::string>& folders) {
+  Folders(const std::vector<std::string>& folders, const std::vector<std::string>& right) {
+    if (!right.empty()) {
+      right_ = std::make_unique<Folders>(right, std::vector<std::string>());
+    }
     for (const std::string& folder : folders) {
       if (!fs::is_directory(folder)) throw std::runtime_error("there is no folder " + folder);
       std::vector<fs::path> files;
@@ -60,6 +64,8 @@ class Folders : public ImageSource {
       lengths_.push_back(static_cast<int>(files.size()));
       files_.insert(files_.end(), files.begin(), files.end());
     }
+    if (right_ && right_->lengths() != lengths_)
+      throw std::runtime_error("the folders of left and right images don't hold equal numbers of images");
   }
   std::size_t size() const override { return files_.size(); }
   cv::Mat image(std::size_t index) const override {
@@ -67,6 +73,7 @@ class Folders : public ImageSource {
     if (image.empty()) throw std::runtime_error(files_[index].string() + " can't be read");
     return image;
   }
+  cv::Mat right(std::size_t index) const override { return right_ ? right_->image(index) : cv::Mat(); }
   std::string name(std::size_t index) const override { return files_[index].string(); }
   std::vector<int> ids(bool from_names) const override {
     std::vector<int> ids = counted(size());
@@ -81,29 +88,47 @@ class Folders : public ImageSource {
  private:
   std::vector<fs::path> files_;
   std::vector<int> lengths_;
+  std::unique_ptr<Folders> right_;
 };
+
+// Calls f with the image that a message is, raw or compressed. @return whether it is one
+template <class F>
+bool withImage(const rosbag::MessageInstance& message, const F& f) {
+  if (const auto raw = message.instantiate<sensor_msgs::Image>()) {
+    f(raw);
+  } else if (const auto packed = message.instantiate<sensor_msgs::CompressedImage>()) {
+    f(packed);
+  } else {
+    return false;
+  }
+  return true;
+}
+
+ros::Time stampOf(const rosbag::MessageInstance& message) {
+  ros::Time stamp;
+  withImage(message, [&stamp](const auto& image) { stamp = image->header.stamp; });
+  return stamp;
+}
 
 class Bag : public ImageSource {
  public:
-  Bag(const std::string& path, const std::string& topic) : topic_(topic) {
+  Bag(const std::string& path, const std::string& topic, const std::string& right) : topic_(topic) {
     bag_.open(path, rosbag::bagmode::Read);
     view_.addQuery(bag_, rosbag::TopicQuery(topic));
     for (auto message = view_.begin(); message != view_.end(); ++message) messages_.push_back(message);
     if (messages_.empty()) throw std::runtime_error(path + " has no messages of topic " + topic);
+    if (right.empty()) return;
+    right_view_ = std::make_unique<rosbag::View>(bag_, rosbag::TopicQuery(right));
+    for (auto message = right_view_->begin(); message != right_view_->end(); ++message)
+      right_.emplace(stampOf(*message), message);
+    if (right_.empty()) throw std::runtime_error(path + " has no messages of topic " + right);
   }
   std::size_t size() const override { return messages_.size(); }
-  cv::Mat image(std::size_t index) const override {
-    const rosbag::MessageInstance& message = *messages_[index];
-    try {
-      if (const auto raw = message.instantiate<sensor_msgs::Image>())
-        return cv_bridge::toCvCopy(raw, "mono8")->image;
-      if (const auto packed = message.instantiate<sensor_msgs::CompressedImage>())
-        return cv_bridge::toCvCopy(packed, "mono8")->image;
-    } catch (const std::exception& e) {
-      throw std::runtime_error(name(index) + ": " + e.what());
-    }
-    throw std::runtime_error(topic_ + " is of type " + message.getDataType() +
-                             ", expected is sensor_msgs/Image or sensor_msgs/CompressedImage");
+  cv::Mat image(std::size_t index) const override { return grey(*messages_[index], name(index)); }
+  cv::Mat right(std::size_t index) const override {
+    if (right_.empty()) return {};
+    const auto found = right_.find(stampOf(*messages_[index]));
+    return found == right_.end() ? cv::Mat() : grey(*found->second, "the right image of " + name(index));
   }
   std::string name(std::size_t index) const override {
     return topic_ + " at " + std::to_string(messages_[index]->getTime().toSec());
@@ -112,20 +137,35 @@ class Bag : public ImageSource {
   std::vector<int> lengths() const override { return {static_cast<int>(size())}; }
 
  private:
+  static cv::Mat grey(const rosbag::MessageInstance& message, const std::string& name) {
+    cv::Mat image;
+    try {
+      if (withImage(message, [&image](const auto& m) { image = cv_bridge::toCvCopy(m, "mono8")->image; }))
+        return image;
+    } catch (const std::exception& e) {
+      throw std::runtime_error(name + ": " + e.what());
+    }
+    throw std::runtime_error(message.getTopic() + " is of type " + message.getDataType() +
+                             ", expected is sensor_msgs/Image or sensor_msgs/CompressedImage");
+  }
   std::string topic_;
   rosbag::Bag bag_;
   rosbag::View view_;
   mutable std::vector<rosbag::View::iterator> messages_;
+  std::unique_ptr<rosbag::View> right_view_;
+  mutable std::map<ros::Time, rosbag::View::iterator> right_;  // by stamp
 };
 
 }  // namespace
 
-std::unique_ptr<ImageSource> openFolders(const std::vector<std::string>& folders) {
-  return std::make_unique<Folders>(folders);
+std::unique_ptr<ImageSource> openFolders(const std::vector<std::string>& folders,
+                                         const std::vector<std::string>& right) {
+  return std::make_unique<Folders>(folders, right);
 }
 
-std::unique_ptr<ImageSource> openBag(const std::string& bag, const std::string& topic) {
-  return std::make_unique<Bag>(bag, topic);
+std::unique_ptr<ImageSource> openBag(const std::string& bag, const std::string& topic,
+                                     const std::string& right) {
+  return std::make_unique<Bag>(bag, topic, right);
 }
 
 }  // namespace ibuild_loop_closure

@@ -28,7 +28,9 @@ namespace po = boost::program_options;
 using Clock = std::chrono::steady_clock;
 
 struct Arguments {
-  std::vector<std::string> images, deltas;
+  std::vector<std::string> images, right, deltas;
+  std::vector<double> camera;
+  double baseline = 0.0;
   std::string bag, topic, ground_truth, ids, poses, out, method, delta, save, load;
   int tolerance = 0, walks = -1, beta = 0, gap = 0, pairs = 0, threads = 1;
   double max_distance = 0.0, max_angle = 0.0, min_similarity = -1.0;
@@ -93,13 +95,18 @@ int estimateDeltaOf(const ImageSource& source, const LoopDetectorOptions& option
   return estimateDelta(pairs);
 }
 
-Run detect(const ImageSource& source, LoopDetector& detector, const std::string& what) {
+Run detect(const ImageSource& source, LoopDetector& detector, const Arguments& a, const std::string& what) {
   Run run;
   std::vector<int> index_of;  // image of the detector -> of the source; they differ where one can't be read
   for (std::size_t i = 0; i < source.size(); ++i) {
     Frame frame;
     try {
       frame.image = source.image(i);
+      if (!a.camera.empty()) frame.camera = Camera{a.camera[0], a.camera[1], a.camera[2], a.camera[3]};
+      if (!a.right.empty()) {
+        frame.right = {source.right(i), a.baseline, a.camera[2]};
+        if (frame.right->image.empty()) frame.right.reset();  // none of that time
+      }
     } catch (const std::exception& e) {
       std::cerr << "\nLeft out: " << e.what() << '\n';
       ++run.unreadable;
@@ -148,6 +155,22 @@ std::string loopsCsv(const Run& run) {
   out << "query,match,similarity\n";
   for (const Proposal& p : run.proposals) {
     if (p.accepted) out << p.query << ',' << p.match << ',' << p.similarity << '\n';
+  }
+  return out.str();
+}
+
+// Poses of the query's camera seen from the match's.
+std::string transformsCsv(const Run& run) {
+  std::ostringstream out;
+  out << "query,match,x,y,z,qx,qy,qz,qw,inliers\n";
+  for (std::size_t i = 0; i < run.proposals.size(); ++i) {
+    const Proposal& p = run.proposals[i];
+    if (!p.accepted || !run.geometry[i].pose) continue;
+    const RelativePose& pose = *run.geometry[i].pose;
+    const Eigen::Vector3d t = pose.transform.translation();
+    const Eigen::Quaterniond q(pose.transform.linear());
+    out << p.query << ',' << p.match << ',' << t.x() << ',' << t.y() << ',' << t.z() << ',' << q.x() << ','
+        << q.y() << ',' << q.z() << ',' << q.w() << ',' << pose.inliers << '\n';
   }
   return out.str();
 }
@@ -246,6 +269,9 @@ Arguments parse(int argc, char** argv) {
       ("images", po::value(&a.images), "folder of images; several are one sequence, one after the other")
       ("bag", po::value(&a.bag), "recording, instead of folders")
       ("image", po::value(&a.topic), "the recording's topic of images, raw or compressed")
+      ("right", po::value(&a.right), "folder of the right images of a stereo camera, for each of --images, or the recording's topic of them; needs --camera and --baseline")
+      ("camera", po::value(&a.camera)->multitoken(), "fx fy cx cy of the rectified images, pixels: the essential matrix in place of the fundamental one")
+      ("baseline", po::value(&a.baseline)->default_value(0.0), "of the stereo camera, m")
       ("out", po::value(&a.out)->required(), "folder for what comes out; made if it isn't there")
       ("ground-truth", po::value(&a.ground_truth), "intervals: rows \"query first last\"")
       ("ids", po::value(&a.ids)->default_value("index"), "what the numbers in ground truth and poses are: index (from 0) | names (those in the files' names)")
@@ -280,6 +306,11 @@ Arguments parse(int argc, char** argv) {
     throw std::invalid_argument("--ids is " + a.ids + ", allowed is index, names");
   if (a.images.empty() == a.bag.empty()) throw std::invalid_argument("either --images or --bag is needed");
   if (!a.bag.empty() && a.topic.empty()) throw std::invalid_argument("--bag needs --image TOPIC");
+  if (!a.camera.empty() && a.camera.size() != 4)
+    throw std::invalid_argument("--camera has " + std::to_string(a.camera.size()) +
+                                " numbers, expected are four: fx fy cx cy");
+  if (!a.right.empty() && (a.camera.empty() || !(a.baseline > 0.0)))
+    throw std::invalid_argument("--right needs --camera, and --baseline greater than 0");
   return a;
 }
 
@@ -290,7 +321,8 @@ void setDelta(LoopDetectorOptions& options, int delta) {
 
 void run(const Arguments& a) {
   cv::setNumThreads(a.threads);
-  const auto source = a.bag.empty() ? openFolders(a.images) : openBag(a.bag, a.topic);
+  const auto source = a.bag.empty() ? openFolders(a.images, a.right)
+                                    : openBag(a.bag, a.topic, a.right.empty() ? "" : a.right[0]);
   std::filesystem::create_directories(a.out);
   std::vector<Eigen::Isometry3d> poses;
   if (!a.poses.empty()) poses = loadPoses(a.poses, source->ids(a.ids == "names"));
@@ -307,9 +339,10 @@ void run(const Arguments& a) {
   }
   LoopDetector detector(options);
   if (!a.load.empty()) detector.load(a.load);
-  const Run result = detect(*source, detector, "image");
+  const Run result = detect(*source, detector, a, "image");
 
   writeText(a.out + "/loops.csv", loopsCsv(result));
+  if (!a.right.empty()) writeText(a.out + "/transforms.csv", transformsCsv(result));
   writeText(a.out + "/timing.md", timingTable(result));
   writeText(a.out + "/timing.json", timingJson(result));
   writePicture(a.out + "/similarity.png", drawSimilarities(result.similarities));
@@ -333,7 +366,7 @@ void run(const Arguments& a) {
     LoopDetector another(other);
     curves.push_back(
         {"delta " + delta,
-         precisionRecallCurve(detect(*source, another, "delta " + delta + ", image").proposals, *truth)});
+         precisionRecallCurve(detect(*source, another, a, "delta " + delta + ", image").proposals, *truth)});
   }
   for (NamedCurve& curve : curves) {
     const auto best = bestAtFullPrecision(curve.points);

@@ -24,7 +24,7 @@ struct Arguments {
   std::string out;
   int images = 0, width = 0, height = 0, people = 0;
   unsigned seed = 0;
-  double step = 0.0, offset = 0.0, sway = 0.0, exposure = 0.0, noise = 0.0;
+  double baseline = 0.0, step = 0.0, offset = 0.0, sway = 0.0, exposure = 0.0, noise = 0.0;
 };
 
 Arguments parse(int argc, char** argv) {
@@ -48,6 +48,7 @@ Arguments parse(int argc, char** argv) {
       ("sway", po::value(&a.sway)->default_value(2.0), "standard deviation of yaw, degrees, 0 to 10; pitch and roll have half of it")
       ("exposure", po::value(&a.exposure)->default_value(0.7), "of the second walk, the first has 1; 0.05 to 5")
       ("noise", po::value(&a.noise)->default_value(3.0), "standard deviation of a pixel, 0 to 100")
+      ("baseline", po::value(&a.baseline)->default_value(0.0), "of a stereo camera, m, 0 to 5: right images go to DIR/first_right and DIR/second_right; 0: one camera")
       ("people", po::value(&a.people)->default_value(10), "on the street in each walk, 0 to 1000");
   // clang-format on
   po::variables_map values;
@@ -71,6 +72,7 @@ Arguments parse(int argc, char** argv) {
   check("sway", a.sway, 0, 10);
   check("exposure", a.exposure, 0.05, 5);
   check("noise", a.noise, 0, 100);
+  check("baseline", a.baseline, 0, 5);
   check("people", a.people, 0, 1000);
   return a;
 }
@@ -145,6 +147,7 @@ void run(const Arguments& a) {
   for (const bool second : {false, true}) {
     const std::string folder = a.out + (second ? "/second" : "/first");
     std::filesystem::create_directories(folder);
+    if (a.baseline > 0.0) std::filesystem::create_directories(folder + "_right");
     const std::vector<Eigen::Isometry3d> walk = walkAlong(a, second ? a.offset : 0.0, random);
     std::vector<Person> people = makePeople(a, length, random);
     for (int i = 0; i < a.images; ++i) {
@@ -153,10 +156,14 @@ void run(const Arguments& a) {
         visible.push_back(person.surface);
         person.surface.corner.x() += person.speed;
       }
-      const cv::Mat image =
-          exposed(render(visible, camera, walk[i]), second ? a.exposure : 1.0, a.noise, random);
-      const std::string path = folder + cv::format("/%04d.jpg", i);
-      if (!cv::imwrite(path, image)) throw std::runtime_error(path + " can't be written");
+      const auto write = [&](const std::string& to, const Eigen::Isometry3d& pose) {
+        const cv::Mat image =
+            exposed(render(visible, camera, pose), second ? a.exposure : 1.0, a.noise, random);
+        const std::string path = to + cv::format("/%04d.jpg", i);
+        if (!cv::imwrite(path, image)) throw std::runtime_error(path + " can't be written");
+      };
+      write(folder, walk[i]);
+      if (a.baseline > 0.0) write(folder + "_right", walk[i] * Eigen::Translation3d(a.baseline, 0, 0));
       std::cerr << "\rimage " << poses.size() + i + 1 << " of " << 2 * a.images << std::flush;
     }
     poses.insert(poses.end(), walk.begin(), walk.end());

@@ -20,7 +20,8 @@ struct GeometryOptions {
   double layout_tolerance =
       0.047;  ///< of the image's width: how far a match may be from where the layout has it
   double epipolar_tolerance = 0.005;  ///< of the image's width: the same from its epipolar line
-  double min_overlap = 0.5;           ///< share of the image that the other must show, 0 to 1
+  double spot = 0.008;       ///< of the image's width: features nearer to each other are evidence once
+  double min_overlap = 0.5;  ///< share of each image that the other must show, 0 to 1
   double max_scale = 2.5;             ///< between the images, 1 to 100
   int iterations = 100;               ///< of the search for the layout
   int min_inliers = 12;  ///< of the epipolar geometry or of the pose, for an image to be verified
@@ -52,7 +53,7 @@ struct GeometryResult {
   /// -log10 of the number of layouts as good as this one expected by chance: 0 and below says nothing, 4 is
   /// chance once in ten thousand.
   double significance = 0.0;
-  double overlap = 0.0;      ///< share of the query's image that the match shows by the layout
+  double overlap = 0.0;      ///< share of each image that the other shows by the layout
   double scale = 1.0;        ///< of the match's features to the query's by the layout
   int inliers = 0;           ///< of the epipolar geometry or the pose
   bool verified = false;     ///< inliers are at least min_inliers

@@ -29,9 +29,13 @@ struct LoopDetectorOptions {
   // Beyond the thesis.
   bool grouping = true;  ///< a candidate's similarity is summed with that of its neighbours in time
   bool geometric_check = true;
+  /// Of the image's width: an image whose features have moved by less since the last one counts for that part
+  /// of an image in beta, so that slow and fast cameras are treated alike; 0: each counts for one.
+  double step = 0.02;
   bool leave_first = true;  ///< with it: what has been in view ever since is no candidate
   double max_remaining = 0.5;  ///< with leave_first: share of a loop's significance that images between may have
-  int candidates = 5;       ///< images that undergo the geometric check, >= 1
+  int candidates = 5;          ///< images that undergo the geometric check, >= 1
+  int verified = 4;            ///< of them, by significance, whose epipolar geometry or pose is sought
   GeometryOptions geometry;
   StereoOptions stereo;
   TrackOptions tracks;
@@ -112,8 +116,9 @@ class LoopDetector {
   void load(const std::string& path);
 
  private:
+  double progressOf(const View& view, const std::vector<Match>& tracked) const;
   std::vector<int> candidatesOf(const std::vector<double>& similarities, int end) const;
-  int endOfCandidates(const View& view);
+  int endOfCandidates(const View& view, int end);
   bool hasLeft(int image, double significance) const;
   void decideBySimilarity(int end, Detection& detection);
   void decideByGeometry(const View& view, const std::optional<Camera>& camera, int end, Detection& detection);
@@ -124,7 +129,8 @@ class LoopDetector {
   TemporalConsistency consistency_;
   LoopTracks tracks_;
   std::vector<View> views_;
-  Features last_;    // of the image before
+  std::vector<double> clock_;  // of each image: images until then, see LoopDetectorOptions::step
+  Features last_;              // of the image before
   int in_view_ = 0;  // images from this one on show what the last one shows
 };
 

@@ -37,6 +37,8 @@ LoopClosureParameters readLoopClosureParameters(mapping_common::Parameters& p) {
   f.pattern_scale = p.get("features/pattern_scale", f.pattern_scale, 0.1, 10.0);
   f.max_features = p.get("features/max_features", f.max_features, 0, 100000);
   f.spread = p.get("features/spread", f.spread);
+  f.columns = p.get("features/columns", f.columns, 1, 1000);
+  f.rows = p.get("features/rows", f.rows, 1, 1000);
   f.equalize = p.get("features/equalize", f.equalize);
   f.max_width = p.get("features/max_width", f.max_width, 0, 100000);
 
@@ -55,15 +57,18 @@ LoopClosureParameters readLoopClosureParameters(mapping_common::Parameters& p) {
   d.min_similarity = p.get("min_similarity", d.min_similarity, 0.0, 1.0);
   d.grouping = p.get("grouping", d.grouping);
   d.geometric_check = p.get("geometric_check", d.geometric_check);
+  d.step = p.get("step", d.step, 0.0, 1.0);
   d.leave_first = p.get("leave_first", d.leave_first);
   d.max_remaining = p.get("max_remaining", d.max_remaining, 0.0, 1.0);
   d.candidates = p.get("candidates", d.candidates, 1, 10000);
+  d.verified = p.get("verified", d.verified, 1, 10000);
   GeometryOptions& g = d.geometry;
   g.max_features = p.get("geometry/max_features", g.max_features, 8, 100000);
   g.delta = p.get("geometry/delta", g.delta, 1, Descriptor::kBits);
   g.ratio = p.get("geometry/ratio", g.ratio, 0.1, 1.0);
   g.layout_tolerance = p.get("geometry/layout_tolerance", g.layout_tolerance, 0.001, 0.5);
   g.epipolar_tolerance = p.get("geometry/epipolar_tolerance", g.epipolar_tolerance, 0.0001, 0.1);
+  g.spot = p.get("geometry/spot", g.spot, 0.0, 0.5);
   g.min_overlap = p.get("geometry/min_overlap", g.min_overlap, 0.0, 1.0);
   g.max_scale = p.get("geometry/max_scale", g.max_scale, 1.0, 100.0);
   g.iterations = p.get("geometry/iterations", g.iterations, 1, 100000);
@@ -80,6 +85,7 @@ LoopClosureParameters readLoopClosureParameters(mapping_common::Parameters& p) {
   t.min_verified = p.get("tracks/min_verified", t.min_verified, 0, 1000);
   t.memory = p.get("tracks/memory", t.memory, 0.0, 1.0);
   t.backward = p.get("tracks/backward", t.backward, 0, 1000);
+  t.ahead = p.get("tracks/ahead", t.ahead, 0, 1000);
   d.validate();
   return m;
 }
