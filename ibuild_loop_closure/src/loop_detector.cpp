@@ -49,7 +49,8 @@ std::vector<float> depthsByStereo(const cv::Mat& left, const RightImage& right, 
   std::vector<float> depths = disparitiesAt(toGrey(left), toGrey(right.image), points, options);
   for (float& value : depths) {
     const double disparity = value - (camera.cx - right.cx);
-    value = value > 0.0f && disparity > 0.0 ? static_cast<float>(camera.fx * right.baseline / disparity) : 0.0f;
+    value =
+        value > 0.0f && disparity > 0.0 ? static_cast<float>(camera.fx * right.baseline / disparity) : 0.0f;
   }
   return depths;
 }
@@ -176,10 +177,9 @@ Detection LoopDetector::process(const Frame& frame, const StageDone& done) {
   Features last_features = view.features;
   if (options_.geometric_check) {
     view = firstFeatures(view, options_.geometry.max_features);
-    view.depths = frame.right && frame.camera
-                      ? depthsByStereo(frame.image, *frame.right, *frame.camera, view.features.points,
-                                       options_.stereo)
-                      : depthsAt(frame.depth, view.features.points);
+    view.depths = frame.right && frame.camera ? depthsByStereo(frame.image, *frame.right, *frame.camera,
+                                                               view.features.points, options_.stereo)
+                                              : depthsAt(frame.depth, view.features.points);
     decideByGeometry(view, frame.camera, endOfCandidates(view, end), detection);
   }
   finish(Stage::kGeometry);
@@ -319,7 +319,8 @@ void LoopDetector::decideByGeometry(const View& view, const std::optional<Camera
   std::vector<LoopTracks::Hypothesis> hypotheses;
   for (std::size_t i = 0; i < checked.size(); ++i) {
     GeometryResult& result = checked[i].result;
-    if (i < static_cast<std::size_t>(options_.verified)) verify(view, views_[checked[i].image], camera, options_.geometry, result);
+    if (i < static_cast<std::size_t>(options_.verified))
+      verify(view, views_[checked[i].image], camera, options_.geometry, result);
     hypotheses.push_back(
         {checked[i].image, result.significance, result.verified, std::min(result.scale, 1.0 / result.scale)});
   }

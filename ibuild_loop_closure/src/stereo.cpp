@@ -19,7 +19,8 @@ cv::Mat gradientsOf(const cv::Mat& image) {
   return gradients;
 }
 
-// Sums of absolute differences between the patch around `at` and those around at + (d, 0), first <= d <= last.
+// Sums of absolute differences between the patch around `at` and those around at + (d, 0), first <= d <=
+// last.
 void compare(const cv::Mat& from, const cv::Mat& to, cv::Point at, int first, int last, int half,
              std::vector<int>& differences) {
   const std::size_t count = last - first + 1;

@@ -65,9 +65,8 @@ LoopTracks::Decision LoopTracks::decide(int query, const std::vector<Hypothesis>
       track.open = before->open;
       weight += left(*before, query);
     }
-    track.open =
-        track.verified >= options_.min_verified &&
-        track.evidence >= (track.open ? options_.min_significance : options_.open_significance);
+    track.open = track.verified >= options_.min_verified &&
+                 track.evidence >= (track.open ? options_.min_significance : options_.open_significance);
     extended.push_back(track);
     if (weight > most) {
       most = weight;

@@ -88,10 +88,17 @@ TEST(Layout, OfFewOrNoFeaturesSaysNothing) {
 TEST(Layout, RejectsTooLittleOverlap) {
   Scene scene = makeScene(Eigen::Isometry3d::Identity(), 60, 0.5);
   for (cv::Point2f& p : scene.query.features.points) p.x += 450.0f;
-  GeometryOptions options;
-  EXPECT_GT(checkLayout(scene.query, scene.match, options).significance, 20.0);
-  options.min_overlap = 0.5;
-  EXPECT_EQ(0.0, checkLayout(scene.query, scene.match, options).significance);
+  Scene near = makeScene(Eigen::Isometry3d::Identity(), 60, 0.5);  // half as far away
+  for (cv::Point2f& p : near.query.features.points) p = 2.0f * p - cv::Point2f(320, 240);
+  for (const Scene& s : {scene, near}) {
+    GeometryOptions options;
+    options.min_overlap = 0.0;
+    EXPECT_GT(checkLayout(s.query, s.match, options).significance, 20.0);
+    EXPECT_NEAR(0.28, checkLayout(s.query, s.match, options).overlap, 0.06);
+    options.min_overlap = 0.5;  // of both: the nearer view shows only a part of the other
+    EXPECT_EQ(0.0, checkLayout(s.query, s.match, options).significance);
+    EXPECT_EQ(0.0, checkLayout(s.match, s.query, options).significance);
+  }
 }
 
 TEST(Verify, SeparatesInliersByTheEpipolarGeometry) {

@@ -118,6 +118,33 @@ TEST_F(LoopClosureImages, ReadsBags) {
             run("--bag " + dir_.path("a.bag") + " --image none" + out_, 1).find("topic none"));
 }
 
+TEST_F(LoopClosureImages, GivesTransformsWithRightImages) {
+  constexpr int kDisparity = 15;  // of a wall 2 m away
+  constexpr double kPixel = 2.0 / 300.0;
+  const std::string arguments = "--images " + folder("a", 0) + " --images " + folder("b", 4);
+  const std::string camera = " --camera 300 300 160 120 --baseline " + std::to_string(kDisparity * kPixel);
+  run(arguments + " --right " + folder("c", kDisparity) + " --right " + folder("d", 4 + kDisparity) + camera +
+      out_);
+  std::istringstream in(mapping_common::readFile(dir_.path("out/transforms.csv")));
+  std::string line;
+  std::getline(in, line);
+  EXPECT_EQ("query,match,x,y,z,qx,qy,qz,qw,inliers", line);
+  int transforms = 0;
+  while (std::getline(in, line)) {
+    int query = 0, match = 0;
+    double x = 0, y = 0, z = 0;
+    ASSERT_EQ(5, std::sscanf(line.c_str(), "%d,%d,%lf,%lf,%lf", &query, &match, &x, &y, &z)) << line;
+    EXPECT_NEAR(kPixel * (6 * (query % 4) + 4 - 6 * (match % 4)), x, 0.03);
+    EXPECT_NEAR(0.0, z, 0.05);
+    ++transforms;
+  }
+  EXPECT_GE(transforms, kWalk / 3);
+  EXPECT_NE(std::string::npos,
+            run(arguments + " --right " + dir_.path("c") + out_, 1).find("--right needs --camera"));
+  EXPECT_NE(std::string::npos,
+            run(arguments + " --right " + dir_.path("c") + camera + out_, 1).find("equal numbers"));
+}
+
 TEST_F(LoopClosureImages, LeavesOutWhatItCantRead) {
   const std::string a = folder("a", 0), b = folder("b", 3);
   dir_.write("a/image5.png", "no image");

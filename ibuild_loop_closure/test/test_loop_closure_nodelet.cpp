@@ -135,6 +135,44 @@ TEST_F(LoopClosure, GivesATransformWithDepth) {
   EXPECT_GT(with_transform, kWalk / 4);
 }
 
+TEST_F(LoopClosure, GivesATransformWithStereo) {
+  setParam("use_stereo", true);
+  ASSERT_TRUE(load());
+  ros::Publisher rights = node_.advertise<sensor_msgs::Image>("right/image", 100);
+  ros::Publisher right_infos = node_.advertise<sensor_msgs::CameraInfo>("right/camera_info", 1, true);
+  sensor_msgs::CameraInfo info;
+  info.P[0] = info.P[5] = 300.0;
+  info.P[2] = 160.0;
+  info.P[6] = 120.0;
+  infos_.publish(info);
+  right_infos.publish(info);  // of no stereo camera
+  ASSERT_TRUE(waitFor([&] { return rights.getNumSubscribers() > 0; }));
+  expectDiagnostic("Input", "Camera calibrated", "True");
+  expectDiagnostic("Input", "Right camera calibrated", "True");
+  const auto sendPair = [&](int i) {
+    const int offset = i < kWalk ? 0 : 3;
+    rights.publish(message(renderWalk(i % kWalk, offset + 15), 100.0 + i).toImageMsg());  // a wall 2 m away
+    send(renderWalk(i % kWalk, offset), 100.0 + i);
+    spinFor(0.01);
+  };
+  sendPair(0);
+  expectDiagnostic("Input", "Dropped: malformed", "1");
+  info.P[3] = -300.0 * 0.1;
+  right_infos.publish(info);
+  spinFor(0.2);
+  for (int i = 0; i < 2 * kWalk; ++i) sendPair(i);
+  ASSERT_TRUE(waitForKeyFrames(2 * kWalk));
+  int with_transform = 0;
+  for (const EdgeConstraint& edge : edges_.messages) {
+    if (!edge.has_transform) continue;
+    ++with_transform;
+    EXPECT_NEAR(0.0, edge.transform.position.z, 0.1);
+    EXPECT_NEAR(1.0, edge.transform.orientation.w, 0.01);
+    EXPECT_GT(edge.information[0], 0.0);
+  }
+  EXPECT_GT(with_transform, kWalk / 4);
+}
+
 TEST_F(LoopClosure, SurvivesBadImages) {
   ASSERT_TRUE(load());
   send(renderWalk(0), 100.0);

@@ -70,6 +70,52 @@ TEST(LoopDetector, AStandingCameraClosesNoLoop) {
   EXPECT_GT(accepted, 10);
 }
 
+// What is in view all along, such as the house at a street's end, is no loop, though it can hardly be seen in
+// some images; an image of it after a long way elsewhere is.
+TEST(LoopDetector, ClosesLoopsOnlyWithWhatItHasLostSightOf) {
+  const cv::Mat house = renderPlace(500, 0, {120, 120});
+  const auto street = [&house](int image, bool shown) {
+    cv::Mat view = renderPlace(image);  // the sides are new in every image
+    if (shown) house.copyTo(view(cv::Rect(100 + image % 3, 60, 120, 120)));
+    return view;
+  };
+  LoopDetectorOptions options;
+  options.geometry.min_overlap = 0.0;
+  LoopDetector detector(options);
+  for (int i = 0; i < 60; ++i) {
+    const bool hidden = i % 13 == 6 || i % 13 == 7;
+    EXPECT_FALSE(detector.process({street(i, !hidden), {}, {}}).accepted) << i;
+  }
+  for (int i = 60; i < 90; ++i) EXPECT_FALSE(detector.process({street(i, false), {}, {}}).accepted) << i;
+  int accepted = 0;
+  for (int i = 90; i < 110; ++i) accepted += detector.process({street(i, true), {}, {}}).accepted;
+  EXPECT_GT(accepted, 10);
+}
+
+TEST(LoopDetector, DoesNotMindHowOftenAnImageComes) {
+  constexpr int kTimes = 4;
+  LoopDetector detector;
+  int accepted = 0;
+  for (int i = 0; i < 2 * kWalk; ++i) {
+    for (int k = 0; k < kTimes; ++k) {
+      const Detection d = detector.process({renderWalk(i % kWalk, i < kWalk ? 0 : 4), {}, {}});
+      if (!d.accepted) continue;
+      ++accepted;
+      EXPECT_NEAR(i - kWalk, d.best->match / kTimes, 4) << i;
+    }
+  }
+  EXPECT_GT(accepted, kTimes * kWalk / 2);
+}
+
+TEST(LoopDetector, FindsNothingInAMirroredWalk) {
+  LoopDetector detector;
+  for (int i = 0; i < 2 * kWalk; ++i) {
+    cv::Mat image = renderWalk(i % kWalk);
+    if (i >= kWalk) cv::flip(image, image, 1);
+    EXPECT_FALSE(detector.process({image, {}, {}}).accepted) << i;
+  }
+}
+
 TEST(LoopDetector, SurvivesBlackAndBlurredImages) {
   for (const auto& options : {LoopDetectorOptions(), thesisOptions()}) {
     LoopDetector detector(options);

@@ -52,6 +52,12 @@ TEST(Parameters, OfTheShippedFileAreTheDefaults) {
   EXPECT_EQ(a.detector.geometry.layout_tolerance, b.detector.geometry.layout_tolerance);
   EXPECT_EQ(a.detector.geometry.min_inliers, b.detector.geometry.min_inliers);
   EXPECT_EQ(a.detector.tracks.open_significance, b.detector.tracks.open_significance);
+  EXPECT_EQ(a.detector.geometry.min_overlap, b.detector.geometry.min_overlap);
+  EXPECT_EQ(a.detector.geometry.spot, b.detector.geometry.spot);
+  EXPECT_EQ(a.detector.stereo.uniqueness, b.detector.stereo.uniqueness);
+  EXPECT_EQ(a.detector.max_remaining, b.detector.max_remaining);
+  EXPECT_EQ(a.detector.verified, b.detector.verified);
+  EXPECT_EQ(a.detector.step, b.detector.step);
   EXPECT_EQ(a.detector.tracks.memory, b.detector.tracks.memory);
   EXPECT_EQ(a.key_frames.min_interval, b.key_frames.min_interval);
   EXPECT_EQ(a.key_frames.min_difference, b.key_frames.min_difference);
@@ -69,6 +75,14 @@ TEST(Parameters, MethodSetsTheDefaults) {
   EXPECT_EQ(IndexType::kLinear, m.detector.index.type);
   EXPECT_EQ(Detector::kBrisk, m.detector.features.detector);
   EXPECT_EQ(40, m.detector.features.threshold);
+}
+
+TEST(Parameters, DepthAndStereoExcludeEachOther) {
+  XmlRpc::XmlRpcValue values;
+  values["use_depth"] = true;
+  values["use_stereo"] = true;
+  mapping_common::Parameters p(values);
+  EXPECT_THROW(readLoopClosureParameters(p), std::invalid_argument);
 }
 
 TEST(Parameters, OutOfRangeAreRejectedByName) {
@@ -93,6 +107,16 @@ TEST(Camera, IsThatOfTheRectifiedImage) {
   ASSERT_TRUE(toCamera(info));
   EXPECT_EQ(501.0, toCamera(info)->fy);
   EXPECT_EQ(320.0, toCamera(info)->cx);
+}
+
+TEST(RightImage, HasABaseline) {
+  sensor_msgs::CameraInfo info;
+  info.P[0] = 400.0;
+  info.P[2] = 318.0;
+  EXPECT_THROW(toRightImage(renderPlace(0), info), std::invalid_argument);
+  info.P[3] = -48.0;
+  EXPECT_DOUBLE_EQ(0.12, toRightImage(renderPlace(0), info).baseline);
+  EXPECT_DOUBLE_EQ(318.0, toRightImage(renderPlace(0), info).cx);
 }
 
 TEST(Edge, HasATransformIfThereIsAPose) {

@@ -114,9 +114,9 @@ TEST(Disparities, AreUnknownWhereTheyAreAmbiguousOrWrong) {
   };
   EXPECT_GT(known(renderPlace(0, 12), features.points), 0.6 * features.size());
   EXPECT_LT(known(other, features.points), 0.1 * features.size());
-  EXPECT_EQ(0, known(left, features.points));                          // infinitely far away
+  EXPECT_EQ(0, known(left, features.points));                                      // infinitely far away
   EXPECT_LT(known(renderPlace(0, -12), features.points), 0.12 * features.size());  // left and right exchanged
-  EXPECT_EQ(0, known(left, {{0, 0}, {319, 239}, {2, 120}, {318, 5}}));  // at the border
+  EXPECT_EQ(0, known(left, {{0, 0}, {319, 239}, {2, 120}, {318, 5}}));             // at the border
   cv::Mat fence(240, 320, CV_8UC1, cv::Scalar(80));
   for (int x = 0; x < 320; x += 16) fence.colRange(x, x + 4).setTo(200);
   const auto disparities = disparitiesAt(fence, fence, {{162, 120}, {146, 60}}, {});

@@ -64,10 +64,21 @@ TEST_F(Tracks, EndAfterBetaImages) {
   EXPECT_FALSE(tracks.decide(62, {{12, 50.0, true}}).accepted);
 }
 
+TEST_F(Tracks, EndWhenTheirEvidenceIsGone) {
+  LoopTracks tracks(options_, 10);  // half of the evidence is left after each image
+  tracks.decide(50, {{10, 30.0, true}});
+  ASSERT_TRUE(tracks.decide(51, {{11, 30.0, true}}).accepted);   // 45
+  EXPECT_TRUE(tracks.decide(52, {{12, 6.0, false}}).accepted);   // 22.5 is left
+  EXPECT_TRUE(tracks.decide(54, {{14, 6.0, false}}).accepted);   // 5.6
+  EXPECT_FALSE(tracks.decide(55, {{15, 6.0, false}}).accepted);  // 2.8 of 4
+}
+
 TEST_F(Tracks, PreferTheCloserViewpoint) {
   LoopTracks tracks(options_, 10);
   EXPECT_EQ(1, tracks.decide(50, {{10, 50.0, true, 0.6}, {12, 45.0, true, 1.0}}).hypothesis);
   EXPECT_EQ(-1, tracks.decide(51, {}).hypothesis);
+  // A match as far on as the query is.
+  EXPECT_EQ(0, tracks.decide(52, {{14, 20.0, true}, {20, 22.0, true}}).hypothesis);
 }
 
 }  // namespace

@@ -22,9 +22,9 @@ struct GeometryOptions {
   double epipolar_tolerance = 0.005;  ///< of the image's width: the same from its epipolar line
   double spot = 0.008;       ///< of the image's width: features nearer to each other are evidence once
   double min_overlap = 0.5;  ///< share of each image that the other must show, 0 to 1
-  double max_scale = 2.5;             ///< between the images, 1 to 100
-  int iterations = 100;               ///< of the search for the layout
-  int min_inliers = 12;  ///< of the epipolar geometry or of the pose, for an image to be verified
+  double max_scale = 2.5;    ///< between the images, 1 to 100
+  int iterations = 100;      ///< of the search for the layout
+  int min_inliers = 12;      ///< of the epipolar geometry or of the pose, for an image to be verified
   /// @throws std::invalid_argument that names the option, its value and the allowed range
   void validate() const;
 };

@@ -33,9 +33,10 @@ struct LoopDetectorOptions {
   /// of an image in beta, so that slow and fast cameras are treated alike; 0: each counts for one.
   double step = 0.02;
   bool leave_first = true;  ///< with it: what has been in view ever since is no candidate
-  double max_remaining = 0.5;  ///< with leave_first: share of a loop's significance that images between may have
-  int candidates = 5;          ///< images that undergo the geometric check, >= 1
-  int verified = 4;            ///< of them, by significance, whose epipolar geometry or pose is sought
+  double max_remaining =
+      0.5;             ///< with leave_first: share of a loop's significance that images between may have
+  int candidates = 5;  ///< images that undergo the geometric check, >= 1
+  int verified = 4;    ///< of them, by significance, whose epipolar geometry or pose is sought
   GeometryOptions geometry;
   StereoOptions stereo;
   TrackOptions tracks;
@@ -56,7 +57,7 @@ struct RightImage {
 struct Frame {
   cv::Mat image;  ///< see FeatureExtractor::prepare
   cv::Mat depth;  ///< empty, or of the image's size: 32 bits, m, or 16 bits, mm; 0 or NaN: unknown
-  std::optional<Camera> camera;  ///< intrinsics of both, if known
+  std::optional<Camera> camera;          ///< intrinsics of both, if known
   std::optional<RightImage> right = {};  ///< in place of depth; of use with a camera only
 };
 
@@ -103,7 +104,8 @@ class LoopDetector {
 
   /// Compares an image with all earlier ones and adds it to the vocabulary.
   /// @param done called at the end of each stage
-  /// @throws std::invalid_argument if the image, its depth or its right image won't do; nothing has changed then
+  /// @throws std::invalid_argument if the image, its depth or its right image won't do; nothing has changed
+  /// then
   Detection process(const Frame& frame, const StageDone& done = {});
 
   /// Says that the next image doesn't follow the last one: time jumped, the camera was moved.
@@ -131,7 +133,7 @@ class LoopDetector {
   std::vector<View> views_;
   std::vector<double> clock_;  // of each image: images until then, see LoopDetectorOptions::step
   Features last_;              // of the image before
-  int in_view_ = 0;  // images from this one on show what the last one shows
+  int in_view_ = 0;            // images from this one on show what the last one shows
 };
 
 /// 4.7.1: the largest delta at which matches of consecutive images are not false. Matches are false that

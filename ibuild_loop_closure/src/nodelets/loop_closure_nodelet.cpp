@@ -87,8 +87,9 @@ class LoopClosureNodelet : public mapping_common::Nodelet {
   template <class Message>
   void subscribePairs(const std::string& topic);
   template <class Message>
-  void arrived(const boost::shared_ptr<const Message>& image,
-               const std::function<void(Frame&)>& add_depth = [](Frame&) {});
+  void arrived(
+      const boost::shared_ptr<const Message>& image,
+      const std::function<void(Frame&)>& add_depth = [](Frame&) {});
   bool inOrder(const ros::Time& stamp);
   bool poseAt(const std_msgs::Header& header, std::optional<Eigen::Isometry3d>& pose);
   void process(const Frame& frame, const std_msgs::Header& header);
