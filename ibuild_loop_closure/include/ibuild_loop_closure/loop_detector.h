@@ -31,7 +31,7 @@ struct LoopDetectorOptions {
   bool geometric_check = true;
   /// Of the image's width: an image whose features have moved by less since the last one counts for that part
   /// of an image in beta, so that slow and fast cameras are treated alike; 0: each counts for one.
-  double step = 0.02;
+  double step = 0.005;
   bool leave_first = true;  ///< with it: what has been in view ever since is no candidate
   double max_remaining =
       0.5;             ///< with leave_first: share of a loop's significance that images between may have
