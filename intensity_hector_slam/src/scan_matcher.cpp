@@ -7,6 +7,8 @@
 #include <limits>
 
 #include "interpolation.h"
+#include "residuals.h"
+#include "surface.h"
 
 namespace intensity_hector_slam {
 namespace {
@@ -14,67 +16,6 @@ namespace {
 using Eigen::Array4f;
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
-
-constexpr int kLanes = 4;  // beams at a time
-
-struct Robust {
-  Array4f weight, cost;
-};
-
-Robust robust(RobustKernel kernel, float scale, const Array4f& e) {
-  const Array4f square = e.square(), relative = square / (scale * scale);
-  switch (kernel) {
-    case RobustKernel::kHuber: {
-      const Array4f weight = (scale / e.abs().max(scale)).eval();
-      return {weight, square * weight * (2.0f - weight)};
-    }
-    case RobustKernel::kCauchy:
-      return {1.0f / (1.0f + relative), scale * scale * (1.0f + relative).log()};
-    case RobustKernel::kTukey: {
-      const Array4f inside = (1.0f - relative).max(0.0f);
-      return {inside.square(), scale * scale / 3.0f * (1.0f - inside.cube())};
-    }
-    case RobustKernel::kNone:
-      break;
-  }
-  return {Array4f::Ones(), square};
-}
-
-// Sums over beams of one kind of residual.
-struct Sums {
-  Array4f xx = Array4f::Zero(), xy = xx, xt = xx, yy = xx, yt = xx, tt = xx, xe = xx, ye = xx, te = xx;
-  Array4f cost = xx, squares = xx, weights = xx;
-
-  // From cells to metres: derivatives by the angle are per radian already.
-  ScanMatcher::NormalEquation equation(double cells_per_metre) const {
-    const double m = cells_per_metre, mm = m * m;
-    ScanMatcher::NormalEquation equation;
-    equation.hessian << mm * xx.sum(), mm * xy.sum(), m * xt.sum(),  //
-        mm * xy.sum(), mm * yy.sum(), m * yt.sum(),                  //
-        m * xt.sum(), m * yt.sum(), tt.sum();
-    equation.gradient << m * xe.sum(), m * ye.sum(), te.sum();
-    return equation;
-  }
-
-  // e: residual; dx, dy, dt: derivatives of the map's value by the pose
-  void add(const Array4f& e, const Array4f& dx, const Array4f& dy, const Array4f& dt, const Array4f& factor,
-           const Robust& robust) {
-    const Array4f w = factor * robust.weight;
-    const Array4f wx = w * dx, wy = w * dy, wt = w * dt;
-    xx += wx * dx;
-    xy += wx * dy;
-    xt += wx * dt;
-    yy += wy * dy;
-    yt += wy * dt;
-    tt += wt * dt;
-    xe += wx * e;
-    ye += wy * e;
-    te += wt * e;
-    cost += factor * robust.cost;
-    squares += w * e.square();
-    weights += w;
-  }
-};
 
 using EigenSolver = Eigen::SelfAdjointEigenSolver<Matrix3d>;
 
@@ -122,15 +63,21 @@ class ScanMatcher::Solver {
     }
     return unit_.asDiagonal() * part * unit_.cwiseInverse().asDiagonal();
   }
-  /// sigma^2 H^-1, but nowhere less certain than the prior.
-  Matrix3d covariance(double sigma_squared, const Vector3d& prior_variances) const {
+  /// The observable direction of the least curvature, as a difference of poses with angles in units of
+  /// length.
+  Vector3d weakest() const { return solver_.eigenvectors().col(3 - observable_); }
+  /// sigma^2 H^-1 and the floor, but nowhere less certain than the prior.
+  /// @param curvature in the weakest direction, see ScanMatcher::curvatureAlong
+  Matrix3d covariance(double sigma_squared, double curvature, double floor_squared,
+                      const Vector3d& prior_variances) const {
     Matrix3d sum = Matrix3d::Zero();
     for (int i = 0; i < 3; ++i) {
       const Vector3d v = solver_.eigenvectors().col(i);
+      const double h = solver_.eigenvalues()[i], c = i == 3 - observable_ ? std::min(h, curvature) : h;
       const double prior = v.dot(prior_variances.cwiseQuotient(unit_.cwiseAbs2()).asDiagonal() * v);
-      const double variance =
-          i < 3 - observable_ ? prior : std::min(prior, sigma_squared / solver_.eigenvalues()[i]);
-      sum += variance * v * v.transpose();
+      const bool observed = i >= 3 - observable_ && c > 0.0;
+      const double variance = observed ? sigma_squared * h / (c * c) + floor_squared : prior;
+      sum += std::min(prior, variance) * v * v.transpose();
     }
     return unit_.asDiagonal() * sum * unit_.asDiagonal();
   }
@@ -236,45 +183,77 @@ ScanMatcher::Linearization ScanMatcher::linearize(const GridMap& map, const Pose
   Linearization result;
   result.occupancy = occupancy.equation(cells);
   result.reflectivity = reflectivity.equation(cells);
-  result.cost = occupancy.cost.sum() + reflectivity.cost.sum();
+  result.cost = result.occupancy.cost + result.reflectivity.cost;
   result.squares = occupancy.squares.sum() + reflectivity.squares.sum();
   result.weights = occupancy.weights.sum() + reflectivity.weights.sum();
   return result;
 }
 
-// In which directions one kind of residuals is trusted, see MatcherOptions::min_eigenvalue_ratio.
-Matrix3d ScanMatcher::project(const GridMap& map, const Pose& pose, Cost kind, const Matrix3d& hessian,
-                              const Matrix3d& directions) const {
-  Matrix3d projection = Matrix3d::Identity();
-  const Vector3d curvatures = (directions.transpose() * hessian * directions).diagonal();
-  const double least = options_.min_eigenvalue_ratio * curvatures.z();
-  if (curvatures.z() < kTouched || curvatures.head<2>().minCoeff() >= least) return projection;
-
-  const double here = linearize(map, pose, kind).cost;
-  const auto rise = [&](int direction) {
-    const Vector3d v = directions.col(direction);
-    const Pose shift = options_.probe_distance * Vector3d(v.x(), v.y(), v.z() / beams_.mean_range);
-    return 0.5 * (linearize(map, pose + shift, kind).cost + linearize(map, pose - shift, kind).cost) - here;
-  };
-  const double greatest = rise(2);
-  for (int i = 0; i < 2; ++i) {
-    const Vector3d v = directions.col(i);
-    if (curvatures[i] < least && rise(i) < options_.min_observability * greatest)
-      projection -= v * v.transpose();
+// Where the points are on the map, on its coarsest level, whose cells are larger than the noise.
+void ScanMatcher::touch(const GridMap& map, const Pose& pose) {
+  beams_.on_free = 0;
+  beams_.on_occupied.assign(beams_.count, false);
+  for (std::size_t i = 0; i < beams_.count; ++i) {
+    const GridMap::Cell* cell = map.find(transform(pose, {beams_.x[i], beams_.y[i]}));
+    if (!cell) continue;
+    beams_.on_free += GridMap::isFree(*cell);
+    beams_.on_occupied[i] = GridMap::isOccupied(*cell);
   }
-  return projection;
 }
 
-// Both kinds are looked at in the same directions, so that what neither tells is left over by their sum, too.
-ScanMatcher::Observability ScanMatcher::observe(const GridMap& map, const Pose& pose, Cost cost) const {
-  const Linearization at = linearize(map, pose, cost);
-  const Matrix3d occupancy = scaled(at.occupancy.hessian, beams_.mean_range);
-  const Matrix3d reflectivity = scaled(at.reflectivity.hessian, beams_.mean_range);
-  const Matrix3d directions = EigenSolver(occupancy + reflectivity).eigenvectors();
+// What a scan can tell at most depends on its surfaces alone, by Fisher's information (A. Censi, "On
+// achievable accuracy for range-finder localization", ICRA 2007): sum of J^T J with J = n^T dS/dzeta for the
+// occupancy, n the normal. Along the surfaces, only their reflectivity tells. Surfaces that the map doesn't
+// have tell nothing.
+ScanMatcher::Observability ScanMatcher::observe(const Scan& scan, const Pose& pose, Cost cost) const {
+  struct Known {
+    Vector3d across, along;  // J, with angles in units of length
+    double points, texture;
+  };
+  std::vector<Known> surface;
+  Matrix3d information = Matrix3d::Zero();
+  const Eigen::Rotation2Dd rotation(pose.z());
+  for (const SurfacePiece& piece : surfacePieces(scan, options_.surface_length)) {
+    const auto occupied = beams_.on_occupied.begin();
+    const double points = std::count(occupied + piece.begin, occupied + piece.end, true);
+    const auto jacobian = [&](const Eigen::Vector2d& direction) {
+      const double by_angle = direction.y() * piece.centre.x() - direction.x() * piece.centre.y();
+      Vector3d j;
+      j << rotation * direction, by_angle / beams_.mean_range;
+      return j;
+    };
+    const Known known{jacobian(piece.normal), jacobian({piece.normal.y(), -piece.normal.x()}), points,
+                      piece.texture};
+    // Noise turns normals, which looks like information along the surface.
+    information += points * (known.across * known.across.transpose() -
+                             piece.normal_variance * known.along * known.along.transpose());
+    surface.push_back(known);
+  }
+  const EigenSolver solver(information);
+  const auto textureAlong = [&](const Vector3d& v) {
+    double sum = 0.0, weights = 0.0;
+    for (const Known& known : surface) {
+      if (std::isnan(known.texture)) continue;
+      const double part = known.along.dot(v), weight = known.points * part * part;
+      sum += weight * known.texture;
+      weights += weight;
+    }
+    return weights > 0.0 ? sum / weights : 0.0;
+  };
   Observability result;
-  result.occupancy = project(map, pose, Cost::kOccupancy, occupancy, directions);
-  result.reflectivity = project(map, pose, Cost::kReflectivity, reflectivity, directions);
-  result.full = result.occupancy.isIdentity() && result.reflectivity.isIdentity();
+  const bool uses_reflectivity = weightOf(Cost::kReflectivity, cost) > 0.0f;
+  for (int i = 0; i < 3; ++i) {
+    const double share =
+        std::max(0.0, solver.eigenvalues()[i]) / std::max(kTouched, solver.eigenvalues().z());
+    if (share >= std::max(options_.min_observability, options_.min_geometry)) continue;
+    const Vector3d v = solver.eigenvectors().col(i);
+    const bool textured = uses_reflectivity && textureAlong(v) >= options_.min_texture;
+    if (share >= options_.min_observability && !textured) continue;
+    result.full = false;
+    result.occupancy -= v * v.transpose();
+    if (!textured) result.reflectivity -= v * v.transpose();
+  }
+  if (weightOf(Cost::kOccupancy, cost) == 0.0f) result.full = result.reflectivity.isIdentity();
   return result;
 }
 
@@ -318,15 +297,23 @@ Pose ScanMatcher::descend(const MultiMap& map, const Pose& start, const Observab
 
 Match ScanMatcher::match(const MultiMap& map, const Scan& scan, const Pose& guess, bool search) {
   prepare(scan);
-  Match match;
-  match.cost = options_.cost == Cost::kAuto ? chooseCost(map.level(0), scan, guess) : options_.cost;
-  match.searched = search;
   const GridMap& finest = map.level(0);
   const GridMap& coarsest = map.level(map.levels() - 1);
+  Match match;
+  match.cost = options_.cost == Cost::kAuto ? chooseCost(coarsest, scan, guess) : options_.cost;
+  match.searched = search;
   const Pose start = search ? searchWindow(coarsest, guess, match.cost) : guess;
   Pose pose = descend(map, start, {}, match);
-  const Observability observability = observe(finest, pose, match.cost);
-  if (!observability.full) pose = descend(map, start, observability, match);
+  touch(coarsest, pose);
+  const Observability observability = observe(scan, pose, match.cost);
+  if (!observability.full) {
+    const Vector3d unit(1.0, 1.0, 1.0 / beams_.mean_range);
+    pose = start + unit.asDiagonal() * (observability.occupancy * (pose - start).cwiseQuotient(unit));
+    if (observability.reflectivity.isIdentity())
+      pose = descend(map, pose, observability, match);
+    else
+      match.iterations += optimize(finest, match.cost, observability, pose);
+  }
 
   const Linearization at = linearize(finest, pose, match.cost);
   const Solver solver(at, beams_.mean_range, observability);
@@ -339,27 +326,37 @@ Match ScanMatcher::match(const MultiMap& map, const Scan& scan, const Pose& gues
   match.residual = std::sqrt(variance);
   const double sigma_squared = options_.sigma > 0.0 ? options_.sigma * options_.sigma : variance;
   const double d = options_.unobservable_distance, a = options_.unobservable_angle;
-  match.covariance = solver.covariance(options_.covariance_scale * sigma_squared, {d * d, d * d, a * a});
-  assess(coarsest, match);
+  const double curvature =
+      match.observable > 0 ? curvatureAlong(solver.weakest(), finest, match, at, observability) : 0.0;
+  const double floor = options_.covariance_floor * finest.resolution();
+  match.covariance = solver.covariance(options_.covariance_scale * sigma_squared, curvature, floor * floor,
+                                       {d * d, d * d, a * a});
+  if (!observability.full) touch(coarsest, match.pose);
+  const double n = std::max<std::size_t>(1, beams_.count);
+  match.contradiction = beams_.on_free / n;
+  match.overlap = std::count(beams_.on_occupied.begin(), beams_.on_occupied.end(), true) / n;
   return match;
 }
 
-// On the coarsest level, whose cells are larger than the noise.
-void ScanMatcher::assess(const GridMap& map, Match& match) const {
-  std::size_t free = 0, occupied = 0;
-  for (std::size_t i = 0; i < beams_.count; ++i) {
-    const GridMap::Cell* cell = map.find(transform(match.pose, {beams_.x[i], beams_.y[i]}));
-    if (!cell) continue;
-    free += GridMap::isFree(*cell);
-    occupied += GridMap::isOccupied(*cell);
-  }
-  const double n = std::max<std::size_t>(1, beams_.count);
-  match.contradiction = free / n;
-  match.overlap = occupied / n;
+// Of the cost in a direction, from poses a cell away on both sides. H is what the map changes within a cell,
+// its noise as well, as if that told something too. With H = C + noise, the pose that solves Eq. 3.9 has the
+// variance sigma^2 C^-1 H C^-1.
+double ScanMatcher::curvatureAlong(const Vector3d& v, const GridMap& map, const Match& match,
+                                   const Linearization& at, const Observability& observability) const {
+  const Vector3d shift = map.resolution() * Vector3d(v.x(), v.y(), v.z() / beams_.mean_range);
+  const Linearization before = linearize(map, match.pose - shift, match.cost),
+                      after = linearize(map, match.pose + shift, match.cost);
+  const auto rise = [&](const NormalEquation Linearization::*kind, const Matrix3d& projection) {
+    return (projection * v).squaredNorm() *
+           ((before.*kind).cost + (after.*kind).cost - 2.0 * (at.*kind).cost);
+  };
+  return (rise(&Linearization::occupancy, observability.occupancy) +
+          rise(&Linearization::reflectivity, observability.reflectivity)) /
+         (map.resolution() * map.resolution());
 }
 
 // Reflectivity needs normals, and so dense points (section 3.6).
-Cost ScanMatcher::chooseCost(const GridMap& map, const Scan& scan, const Pose& guess) const {
+Cost ScanMatcher::chooseCost(const GridMap& map, const Scan& scan, const Pose& guess) {
   if (beams_.share_known < options_.auto_min_known) return Cost::kOccupancy;
   std::vector<float> spacing;
   for (std::size_t i = 1; i < scan.points.size(); ++i) {
@@ -368,7 +365,8 @@ Cost ScanMatcher::chooseCost(const GridMap& map, const Scan& scan, const Pose& g
   const auto middle = spacing.begin() + spacing.size() / 2;
   std::nth_element(spacing.begin(), middle, spacing.end());
   if (middle == spacing.end() || *middle <= options_.auto_max_spacing) return Cost::kCombined;
-  return observe(map, guess, Cost::kOccupancy).full ? Cost::kOccupancy : Cost::kCombined;
+  touch(map, guess);
+  return observe(scan, guess, Cost::kOccupancy).full ? Cost::kOccupancy : Cost::kCombined;
 }
 
 // All poses of a grid of poses as fine as the cells, with the nearest cells instead of interpolation.
