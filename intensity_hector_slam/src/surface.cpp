@@ -8,6 +8,7 @@ namespace intensity_hector_slam {
 namespace {
 
 constexpr std::size_t kMinPoints = 3;
+constexpr float kMaxTurn = 3.0f;  // between neighbours, over the angle between beams
 constexpr float kMinTexturePoints = 5.0f;
 constexpr float kMaxTexture = 100.0f;         // so that one step with hardly any noise doesn't decide
 constexpr double kMinIncidenceCosine = 0.15;  // reflectivities at more grazing angles aren't exact
@@ -67,21 +68,20 @@ std::vector<SurfacePiece> surfacePieces(const Scan& scan, double length) {
   std::vector<SurfacePiece> pieces;
   const std::size_t n = scan.points.size();
   if (n < kMinPoints) return pieces;
-  // Angles between neighbouring beams, small ones.
+  // Where beams between two points have no return, nothing is known of what is there.
   std::vector<float> turns(n - 1);
   for (std::size_t i = 0; i + 1 < n; ++i) {
     const Eigen::Vector2f a = scan.points[i] - scan.origin, b = scan.points[i + 1] - scan.origin;
-    turns[i] = std::abs(a.x() * b.y() - a.y() * b.x()) / std::max(1e-6f, a.dot(b));
-    if (turns[i] < 0.0f || a.dot(b) <= 0.0f) turns[i] = 1.0f;
+    turns[i] = std::atan2(std::abs(a.x() * b.y() - a.y() * b.x()), a.dot(b));
   }
   std::vector<float> sorted = turns;
   std::nth_element(sorted.begin(), sorted.begin() + sorted.size() / 2, sorted.end());
-  const float gap = 3.0f * sorted[sorted.size() / 2];
+  const float max_turn = kMaxTurn * sorted[sorted.size() / 2];
 
   const float square = static_cast<float>(length * length);
   std::size_t begin = 0;
   for (std::size_t i = 1; i <= n; ++i) {
-    const bool ends = i == n || turns[i - 1] > gap;
+    const bool ends = i == n || turns[i - 1] > max_turn;
     if (!ends && (i - begin < kMinPoints || (scan.points[i] - scan.points[begin]).squaredNorm() < square))
       continue;
     if (i - begin >= kMinPoints) pieces.push_back(fit(scan, begin, i));
