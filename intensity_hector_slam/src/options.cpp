@@ -68,13 +68,15 @@ void MatcherOptions::validate() const {
   require("min_step_distance", min_step_distance, 0.0, max_step_distance);
   require("min_step_angle", min_step_angle, 0.0, max_step_angle);
   require("coarse_step", coarse_step, 0.0, 1.0);
-  require("min_eigenvalue_ratio", min_eigenvalue_ratio, 0.0, 1.0);
-  require("probe_distance", probe_distance, 1e-3, 100.0);
+  require("surface_length", surface_length, 1e-3, 100.0);
   require("min_observability", min_observability, 0.0, 1.0);
+  require("min_texture", min_texture, 0.0, 1e9);
+  require("min_geometry", min_geometry, 0.0, 1.0);
   require("auto_max_spacing", auto_max_spacing, 0.0, 1e3);
   require("auto_min_known", auto_min_known, 0.0, 1.0);
   require("sigma", sigma, 0.0, 1e3);
   require("covariance_scale", covariance_scale, 1e-3, 1e6);
+  require("covariance_floor", covariance_floor, 0.0, 1e3);
   require("unobservable_distance", unobservable_distance, 1e-3, 1e6);
   require("unobservable_angle", unobservable_angle, 1e-3, 1e3);
   require("search_gap", search_gap, 0.0, 1e9);

@@ -8,6 +8,8 @@
 #include <limits>
 
 #include "interpolation.h"
+#include "residuals.h"
+#include "surface.h"
 
 namespace intensity_hector_slam {
 namespace {
@@ -15,8 +17,6 @@ namespace {
 using Eigen::Array4f;
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
-
-constexpr int kLanes = 4;  // beams at a time
 
 // Of kLanes cells, with the ones right of them: P, R, P and R of those right.
 Eigen::Matrix4f gather(const std::array<const GridMap::Cell*, kLanes>& cells) {
@@ -27,85 +27,6 @@ Eigen::Matrix4f gather(const std::array<const GridMap::Cell*, kLanes>& cells) {
   values.transposeInPlace();
   return values;
 }
-
-// Sums over beams of one kind of residual.
-class Sums {
- public:
-  Sums(RobustKernel kernel, float scale)
-      : kernel_(kernel), scale_(scale), inverse_square_(1.0f / (scale * scale)) {}
-
-  // e: residual; dx, dy, dt: derivatives of the map's value by the pose; mask: 0 for beams that don't count
-  void add(Array4f e, const Array4f& dx, const Array4f& dy, const Array4f& dt, const Array4f& mask) {
-    e *= mask;
-    const Array4f w = mask * weigh(e);
-    const Array4f wx = w * dx, wy = w * dy, wt = w * dt;
-    xx_ += wx * dx;
-    xy_ += wx * dy;
-    xt_ += wx * dt;
-    yy_ += wy * dy;
-    yt_ += wy * dt;
-    tt_ += wt * dt;
-    xe_ += wx * e;
-    ye_ += wy * e;
-    te_ += wt * e;
-    squares_ += w * e.square();
-    weights_ += w;
-  }
-
-  // From cells to metres: derivatives by the angle are per radian already.
-  ScanMatcher::NormalEquation addTo(ScanMatcher::Linearization& total, double weight,
-                                    double cells_per_metre) {
-    total.cost += weight * (cost_ + scale_ * scale_ * product_.log()).sum();
-    total.squares += weight * squares_.sum();
-    total.weights += weight * weights_.sum();
-    const double m = weight * cells_per_metre, mm = m * cells_per_metre;
-    ScanMatcher::NormalEquation equation;
-    equation.hessian << mm * xx_.sum(), mm * xy_.sum(), m * xt_.sum(),  //
-        mm * xy_.sum(), mm * yy_.sum(), m * yt_.sum(),                  //
-        m * xt_.sum(), m * yt_.sum(), weight * tt_.sum();
-    equation.gradient << m * xe_.sum(), m * ye_.sum(), weight * te_.sum();
-    return equation;
-  }
-
- private:
-  // The weights of residuals, whose robust costs are added up.
-  Array4f weigh(const Array4f& e) {
-    const Array4f square = e.square(), relative = square * inverse_square_;
-    switch (kernel_) {
-      case RobustKernel::kHuber: {
-        const Array4f weight = scale_ / e.abs().max(scale_);
-        cost_ += square * weight * (2.0f - weight);
-        return weight;
-      }
-      case RobustKernel::kCauchy: {
-        // s^2 log(1 + (e / s)^2); the logarithm of a product is quicker than one for each residual.
-        const Array4f factor = 1.0f + relative.min(1e9f);
-        product_ *= factor;
-        if (++factors_ % 4 == 0) {  // before it overflows
-          cost_ += scale_ * scale_ * product_.log();
-          product_.setOnes();
-        }
-        return factor.inverse();
-      }
-      case RobustKernel::kTukey: {
-        const Array4f inside = (1.0f - relative).max(0.0f);
-        cost_ += scale_ * scale_ / 3.0f * (1.0f - inside.cube());
-        return inside.square();
-      }
-      case RobustKernel::kNone:
-        break;
-    }
-    cost_ += square;
-    return Array4f::Ones();
-  }
-
-  RobustKernel kernel_;
-  float scale_, inverse_square_;
-  Array4f xx_ = Array4f::Zero(), xy_ = xx_, xt_ = xx_, yy_ = xx_, yt_ = xx_, tt_ = xx_, xe_ = xx_, ye_ = xx_,
-          te_ = xx_;
-  Array4f squares_ = xx_, weights_ = xx_, cost_ = xx_, product_ = Array4f::Ones();
-  int factors_ = 0;
-};
 
 using EigenSolver = Eigen::SelfAdjointEigenSolver<Matrix3d>;
 
@@ -153,15 +74,21 @@ class ScanMatcher::Solver {
     }
     return unit_.asDiagonal() * part * unit_.cwiseInverse().asDiagonal();
   }
-  /// sigma^2 H^-1, but nowhere less certain than the prior.
-  Matrix3d covariance(double sigma_squared, const Vector3d& prior_variances) const {
+  /// The observable direction of the least curvature, as a difference of poses with angles in units of
+  /// length.
+  Vector3d weakest() const { return solver_.eigenvectors().col(3 - observable_); }
+  /// sigma^2 H^-1 and the floor, but nowhere less certain than the prior.
+  /// @param curvature in the weakest direction, see ScanMatcher::curvatureAlong
+  Matrix3d covariance(double sigma_squared, double curvature, double floor_squared,
+                      const Vector3d& prior_variances) const {
     Matrix3d sum = Matrix3d::Zero();
     for (int i = 0; i < 3; ++i) {
       const Vector3d v = solver_.eigenvectors().col(i);
+      const double h = solver_.eigenvalues()[i], c = i == 3 - observable_ ? std::min(h, curvature) : h;
       const double prior = v.dot(prior_variances.cwiseQuotient(unit_.cwiseAbs2()).asDiagonal() * v);
-      const double variance =
-          i < 3 - observable_ ? prior : std::min(prior, sigma_squared / solver_.eigenvalues()[i]);
-      sum += variance * v * v.transpose();
+      const bool observed = i >= 3 - observable_ && c > 0.0;
+      const double variance = observed ? sigma_squared * h / (c * c) + floor_squared : prior;
+      sum += std::min(prior, variance) * v * v.transpose();
     }
     return unit_.asDiagonal() * sum * unit_.asDiagonal();
   }
@@ -272,39 +199,72 @@ ScanMatcher::Linearization ScanMatcher::linearize(const GridMap& map, const Pose
   return result;
 }
 
-// In which directions one kind of residuals is trusted, see MatcherOptions::min_eigenvalue_ratio.
-Matrix3d ScanMatcher::project(const GridMap& map, const Pose& pose, Cost kind, const Matrix3d& hessian,
-                              const Matrix3d& directions) const {
-  Matrix3d projection = Matrix3d::Identity();
-  const Vector3d curvatures = (directions.transpose() * hessian * directions).diagonal();
-  const double least = options_.min_eigenvalue_ratio * curvatures.z();
-  if (curvatures.z() < kTouched || curvatures.head<2>().minCoeff() >= least) return projection;
-
-  const double here = linearize(map, pose, kind).cost;
-  const auto rise = [&](int direction) {
-    const Vector3d v = directions.col(direction);
-    const Pose shift = options_.probe_distance * Vector3d(v.x(), v.y(), v.z() / beams_.mean_range);
-    return 0.5 * (linearize(map, pose + shift, kind).cost + linearize(map, pose - shift, kind).cost) - here;
-  };
-  const double greatest = rise(2);
-  for (int i = 0; i < 2; ++i) {
-    const Vector3d v = directions.col(i);
-    if (curvatures[i] < least && rise(i) < options_.min_observability * greatest)
-      projection -= v * v.transpose();
+// Where the points are on the map, on its coarsest level, whose cells are larger than the noise.
+void ScanMatcher::touch(const GridMap& map, const Pose& pose) {
+  const Eigen::Isometry2d to_map = Eigen::Translation2d(pose.head<2>()) * Eigen::Rotation2Dd(pose.z());
+  beams_.on_free = 0;
+  beams_.on_occupied.assign(beams_.count, false);
+  for (std::size_t i = 0; i < beams_.count; ++i) {
+    const GridMap::Cell* cell = map.find(to_map * Eigen::Vector2d(beams_.x[i], beams_.y[i]));
+    if (!cell) continue;
+    beams_.on_free += GridMap::isFree(*cell);
+    beams_.on_occupied[i] = GridMap::isOccupied(*cell);
   }
-  return projection;
 }
 
-// Both kinds are looked at in the same directions, so that what neither tells is left over by their sum, too.
-ScanMatcher::Observability ScanMatcher::observe(const GridMap& map, const Pose& pose,
-                                                const Linearization& at) const {
-  const Matrix3d occupancy = scaled(at.occupancy.hessian, beams_.mean_range);
-  const Matrix3d reflectivity = scaled(at.reflectivity.hessian, beams_.mean_range);
-  const Matrix3d directions = EigenSolver(occupancy + reflectivity).eigenvectors();
+// What a scan can tell at most depends on its surfaces alone, by Fisher's information (A. Censi, "On
+// achievable accuracy for range-finder localization", ICRA 2007): sum of J^T J with J = n^T dS/dzeta for the
+// occupancy, n the normal. Along the surfaces, only their reflectivity tells. Surfaces that the map doesn't
+// have tell nothing.
+ScanMatcher::Observability ScanMatcher::observe(const Scan& scan, const Pose& pose, Cost cost) const {
+  struct Known {
+    Vector3d across, along;  // J, with angles in units of length
+    double points, texture;
+  };
+  std::vector<Known> surface;
+  Matrix3d information = Matrix3d::Zero();
+  const Eigen::Rotation2Dd rotation(pose.z());
+  for (const SurfacePiece& piece : surfacePieces(scan, options_.surface_length)) {
+    const auto occupied = beams_.on_occupied.begin();
+    const double points = std::count(occupied + piece.begin, occupied + piece.end, true);
+    const auto jacobian = [&](const Eigen::Vector2d& direction) {
+      const double by_angle = direction.y() * piece.centre.x() - direction.x() * piece.centre.y();
+      Vector3d j;
+      j << rotation * direction, by_angle / beams_.mean_range;
+      return j;
+    };
+    const Known known{jacobian(piece.normal), jacobian({piece.normal.y(), -piece.normal.x()}), points,
+                      piece.texture};
+    // Noise turns normals, which looks like information along the surface.
+    information += points * (known.across * known.across.transpose() -
+                             piece.normal_variance * known.along * known.along.transpose());
+    surface.push_back(known);
+  }
+  const EigenSolver solver(information);
+  const auto textureAlong = [&](const Vector3d& v) {
+    double sum = 0.0, weights = 0.0;
+    for (const Known& known : surface) {
+      if (std::isnan(known.texture)) continue;
+      const double part = known.along.dot(v), weight = known.points * part * part;
+      sum += weight * known.texture;
+      weights += weight;
+    }
+    return weights > 0.0 ? sum / weights : 0.0;
+  };
   Observability result;
-  result.occupancy = project(map, pose, Cost::kOccupancy, occupancy, directions);
-  result.reflectivity = project(map, pose, Cost::kReflectivity, reflectivity, directions);
-  result.full = result.occupancy.isIdentity() && result.reflectivity.isIdentity();
+  const bool uses_reflectivity = weightOf(Cost::kReflectivity, cost) > 0.0f;
+  for (int i = 0; i < 3; ++i) {
+    const double share =
+        std::max(0.0, solver.eigenvalues()[i]) / std::max(kTouched, solver.eigenvalues().z());
+    if (share >= std::max(options_.min_observability, options_.min_geometry)) continue;
+    const Vector3d v = solver.eigenvectors().col(i);
+    const bool textured = uses_reflectivity && textureAlong(v) >= options_.min_texture;
+    if (share >= options_.min_observability && !textured) continue;
+    result.full = false;
+    result.occupancy -= v * v.transpose();
+    if (!textured) result.reflectivity -= v * v.transpose();
+  }
+  if (weightOf(Cost::kOccupancy, cost) == 0.0f) result.full = result.reflectivity.isIdentity();
   return result;
 }
 
@@ -353,18 +313,23 @@ ScanMatcher::Linearization ScanMatcher::descend(const MultiMap& map, const Obser
 
 Match ScanMatcher::match(const MultiMap& map, const Scan& scan, const Pose& guess, bool search) {
   prepare(scan);
-  Match match;
-  match.cost = options_.cost == Cost::kAuto ? chooseCost(map.level(0), scan, guess) : options_.cost;
-  match.searched = search;
   const GridMap& finest = map.level(0);
   const GridMap& coarsest = map.level(map.levels() - 1);
+  Match match;
+  match.cost = options_.cost == Cost::kAuto ? chooseCost(coarsest, scan, guess) : options_.cost;
+  match.searched = search;
   const Pose start = search ? searchWindow(coarsest, guess, match.cost) : guess;
   Pose pose = start;
   Linearization at = descend(map, {}, pose, match);
-  const Observability observability = observe(finest, pose, at);
+  touch(coarsest, pose);
+  const Observability observability = observe(scan, pose, match.cost);
   if (!observability.full) {
-    pose = start;
-    at = descend(map, observability, pose, match);
+    const Vector3d unit(1.0, 1.0, 1.0 / beams_.mean_range);
+    pose = start + unit.asDiagonal() * (observability.occupancy * (pose - start).cwiseQuotient(unit));
+    if (observability.reflectivity.isIdentity())
+      at = descend(map, observability, pose, match);
+    else
+      at = optimize(finest, observability, options_.min_step_distance, options_.min_step_angle, pose, match);
   }
   const Solver solver(at, beams_.mean_range, observability);
   match.hessian = at.occupancy.hessian + at.reflectivity.hessian;
@@ -376,29 +341,37 @@ Match ScanMatcher::match(const MultiMap& map, const Scan& scan, const Pose& gues
   match.residual = std::sqrt(variance);
   const double sigma_squared = options_.sigma > 0.0 ? options_.sigma * options_.sigma : variance;
   const double d = options_.unobservable_distance, a = options_.unobservable_angle;
-  match.covariance = solver.covariance(options_.covariance_scale * sigma_squared, {d * d, d * d, a * a});
-  assess(coarsest, match);
+  const double curvature =
+      match.observable > 0 ? curvatureAlong(solver.weakest(), finest, match, at, observability) : 0.0;
+  const double floor = options_.covariance_floor * finest.resolution();
+  match.covariance = solver.covariance(options_.covariance_scale * sigma_squared, curvature, floor * floor,
+                                       {d * d, d * d, a * a});
+  if (!observability.full) touch(coarsest, match.pose);
+  const double n = std::max<std::size_t>(1, beams_.count);
+  match.contradiction = beams_.on_free / n;
+  match.overlap = std::count(beams_.on_occupied.begin(), beams_.on_occupied.end(), true) / n;
   return match;
 }
 
-// On the coarsest level, whose cells are larger than the noise.
-void ScanMatcher::assess(const GridMap& map, Match& match) const {
-  const Eigen::Isometry2d to_map =
-      Eigen::Translation2d(match.pose.head<2>()) * Eigen::Rotation2Dd(match.pose.z());
-  std::size_t free = 0, occupied = 0;
-  for (std::size_t i = 0; i < beams_.count; ++i) {
-    const GridMap::Cell* cell = map.find(to_map * Eigen::Vector2d(beams_.x[i], beams_.y[i]));
-    if (!cell) continue;
-    free += GridMap::isFree(*cell);
-    occupied += GridMap::isOccupied(*cell);
-  }
-  const double n = std::max<std::size_t>(1, beams_.count);
-  match.contradiction = free / n;
-  match.overlap = occupied / n;
+// Of the cost in a direction, from poses a cell away on both sides. H is what the map changes within a cell,
+// its noise as well, as if that told something too. With H = C + noise, the pose that solves Eq. 3.9 has the
+// variance sigma^2 C^-1 H C^-1.
+double ScanMatcher::curvatureAlong(const Vector3d& v, const GridMap& map, const Match& match,
+                                   const Linearization& at, const Observability& observability) const {
+  const Vector3d shift = map.resolution() * Vector3d(v.x(), v.y(), v.z() / beams_.mean_range);
+  const Linearization before = linearize(map, match.pose - shift, match.cost),
+                      after = linearize(map, match.pose + shift, match.cost);
+  const auto rise = [&](const NormalEquation Linearization::*kind, const Matrix3d& projection) {
+    return (projection * v).squaredNorm() *
+           ((before.*kind).cost + (after.*kind).cost - 2.0 * (at.*kind).cost);
+  };
+  return (rise(&Linearization::occupancy, observability.occupancy) +
+          rise(&Linearization::reflectivity, observability.reflectivity)) /
+         (map.resolution() * map.resolution());
 }
 
 // Reflectivity needs normals, and so dense points (section 3.6).
-Cost ScanMatcher::chooseCost(const GridMap& map, const Scan& scan, const Pose& guess) const {
+Cost ScanMatcher::chooseCost(const GridMap& map, const Scan& scan, const Pose& guess) {
   if (beams_.share_known < options_.auto_min_known) return Cost::kOccupancy;
   std::vector<float> spacing;
   for (std::size_t i = 1; i < scan.points.size(); ++i) {
@@ -407,8 +380,8 @@ Cost ScanMatcher::chooseCost(const GridMap& map, const Scan& scan, const Pose& g
   const auto middle = spacing.begin() + spacing.size() / 2;
   std::nth_element(spacing.begin(), middle, spacing.end());
   if (middle == spacing.end() || *middle <= options_.auto_max_spacing) return Cost::kCombined;
-  const Linearization at = linearize(map, guess, Cost::kOccupancy);
-  return observe(map, guess, at).full ? Cost::kOccupancy : Cost::kCombined;
+  touch(map, guess);
+  return observe(scan, guess, Cost::kOccupancy).full ? Cost::kOccupancy : Cost::kCombined;
 }
 
 // All poses of a grid of poses as fine as the cells, with the nearest cells instead of interpolation.

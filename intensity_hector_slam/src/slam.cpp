@@ -128,8 +128,17 @@ void Slam::follow(const Scan& scan, bool unsure, SlamResult& result) {
   const double middle = deskew(scan);
   result.guess = compose(result.guess, velocity_ * middle);
   place(deskewed_, unsure, result);
+  const Eigen::Vector3d assumed = velocity_;
   updateVelocity(scan.stamp + middle, result);
+  addUncertainty((velocity_ - assumed) * middle, result);
   for (Pose* pose : {&result.pose, &result.guess}) *pose = compose(*pose, -velocity_ * middle);
+}
+
+// Between the stamp and the middle of the sweep, the motion is as uncertain as the velocity changes.
+void Slam::addUncertainty(const Eigen::Vector3d& motion, SlamResult& result) const {
+  Eigen::Vector3d difference = motion;
+  difference.head<2>() = Eigen::Rotation2Dd(result.pose.z()) * motion.head<2>();
+  result.covariance += difference * difference.transpose();
 }
 
 // Now that the velocity is known, the first scan goes into the map as it should have.

@@ -35,10 +35,12 @@ TEST(KeyPoses, EdgesAreInTheFrameOfTheEarlierPose) {
   const auto edge = key_poses.add(2.0, at({1.0, 3.0, M_PI}));
   ASSERT_TRUE(edge);
   EXPECT_LT((edge->transform - Pose(2.0, 0.0, M_PI / 2.0)).norm(), 1e-12);
-  // The map's y is its x.
-  EXPECT_NEAR(1.0 / 0.04, edge->information(0, 0), 1e-6);
-  EXPECT_NEAR(1.0 / 0.01, edge->information(1, 1), 1e-6);
-  EXPECT_NEAR(1.0 / 0.001, edge->information(2, 2), 1e-6);
+  // The map's y is its x. Both poses add their part, and the angle of the first turns the way of 2 m.
+  const Eigen::Matrix3d covariance = edge->information.inverse();
+  EXPECT_NEAR(0.04 + 0.04, covariance(0, 0), 1e-9);
+  EXPECT_NEAR(0.01 + 0.01 + 2.0 * 2.0 * 0.001, covariance(1, 1), 1e-9);
+  EXPECT_NEAR(0.001 + 0.001, covariance(2, 2), 1e-9);
+  EXPECT_NEAR(2.0 * 0.001, covariance(1, 2), 1e-9);
 }
 
 TEST(KeyPoses, LeaveOutWhatWasNotMatched) {

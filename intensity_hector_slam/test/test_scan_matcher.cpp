@@ -1,7 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <gtest/gtest.h>
 
+#include <Eigen/Cholesky>
 #include <Eigen/LU>
+#include <cmath>
+#include <string>
+#include <utility>
 
 #include "flat_world.h"
 #include "intensity_hector_slam/scan_matcher.h"
@@ -114,38 +118,119 @@ TEST(ScanMatcher, RobustWeightLeavesMovingObjectsOut) {
   }
 }
 
-// Fig. 3.1: without reflectivity the position along the corridor is unknown, and said to be.
-TEST(ScanMatcher, KnowsWhatACorridorDoesNotTell) {
-  const Wall plain[] = {{{-50.0, -1.1}, {50.0, -1.1}}, {{-50.0, 1.1}, {50.0, 1.1}}};
-  const std::vector<Wall> featureless(plain, plain + 2);
-  const std::vector<Wall> textured = {stripes({-50.0, -1.1}, {50.0, -1.1}, 5),
-                                      stripes({-50.0, 1.1}, {50.0, 1.1}, 6)};
+std::vector<Wall> corridor(bool striped) {
+  if (striped) return {stripes({-50.0, -1.1}, {50.0, -1.1}, 5), stripes({-50.0, 1.1}, {50.0, 1.1}, 6)};
+  return {{{-50.0, -1.1}, {50.0, -1.1}}, {{-50.0, 1.1}, {50.0, 1.1}}};
+}
+
+Scanner shortSighted(int beams, double range_noise) {
   Scanner scanner = noisy();
   scanner.max_range = 8.0;
-  MatcherOptions options;
-  const Pose truth(0.1, 0.05, 0.02), guess = truth + Pose(0.07, 0.03, 0.01);
+  scanner.beams = beams;
+  scanner.range_noise = range_noise;
+  return scanner;
+}
 
-  for (const Cost cost : kCosts) {
-    ScanMatcher matcher(optionsOf(cost));
-    const MultiMap map = mapOf(featureless, scanner, 150, 5.0);
-    const Match match = matcher.match(map, look(featureless, truth, scanner, 9), guess);
-    EXPECT_EQ(2, match.observable) << toString(cost);
-    EXPECT_NEAR(guess.x(), match.pose.x(), 0.005) << toString(cost);
-    EXPECT_NEAR(truth.y(), match.pose.y(), 0.005) << toString(cost);
-    EXPECT_NEAR(truth.z(), match.pose.z(), 0.003) << toString(cost);
-    EXPECT_NEAR(options.unobservable_distance, std::sqrt(match.covariance(0, 0)), 0.01) << toString(cost);
-    EXPECT_LT(std::sqrt(match.covariance(1, 1)), 0.02) << toString(cost);
+// Fig. 3.1: without reflectivity the position along the corridor is unknown, and said to be.
+TEST(ScanMatcher, KnowsWhatACorridorDoesNotTell) {
+  const Pose truth(0.1, 0.05, 0.02), guess = truth + Pose(0.07, 0.03, 0.01);
+  for (const Scanner& scanner :
+       {shortSighted(1081, 0.005), shortSighted(1081, 0.02), shortSighted(271, 0.01)}) {
+    const MultiMap map = mapOf(corridor(false), scanner, 150, 5.0);
+    for (unsigned seed = 1; seed <= 10; ++seed) {
+      const Scan scan = look(corridor(false), truth, scanner, seed);
+      for (const Cost cost : kCosts) {
+        const MatcherOptions options = optionsOf(cost);
+        const Match match = ScanMatcher(options).match(map, scan, guess);
+        const std::string at = toString(cost) + ", seed " + std::to_string(seed);
+        EXPECT_EQ(2, match.observable) << at;
+        EXPECT_NEAR(guess.x(), match.pose.x(), 0.005) << at;
+        EXPECT_NEAR(truth.y(), match.pose.y(), 0.008) << at;
+        EXPECT_NEAR(truth.z(), match.pose.z(), 0.005) << at;
+        EXPECT_NEAR(options.unobservable_distance, std::sqrt(match.covariance(0, 0)), 0.02) << at;
+        EXPECT_LT(std::sqrt(match.covariance(1, 1)), 0.02) << at;
+      }
+    }
   }
-  const MultiMap map = mapOf(textured, scanner, 150, 5.0);
-  for (const Cost cost : {Cost::kReflectivity, Cost::kCombined, Cost::kAuto}) {
-    const Match match = ScanMatcher(optionsOf(cost)).match(map, look(textured, truth, scanner, 9), guess);
-    EXPECT_EQ(3, match.observable) << toString(cost);
-    EXPECT_LT((match.pose - truth).head<2>().norm(), 0.015) << toString(cost);
-    EXPECT_LT(std::sqrt(match.covariance(0, 0)), 0.05) << toString(cost);
+}
+
+TEST(ScanMatcher, ReflectivityTellsWhereAlongACorridor) {
+  const Pose truth(0.1, 0.05, 0.02), guess = truth + Pose(0.07, 0.03, 0.01);
+  for (const Scanner& scanner : {shortSighted(1081, 0.005), shortSighted(1081, 0.02)}) {
+    const MultiMap map = mapOf(corridor(true), scanner, 150, 5.0);
+    for (unsigned seed = 1; seed <= 10; ++seed) {
+      const Scan scan = look(corridor(true), truth, scanner, seed);
+      for (const Cost cost : {Cost::kReflectivity, Cost::kCombined, Cost::kAuto}) {
+        const Match match = ScanMatcher(optionsOf(cost)).match(map, scan, guess);
+        EXPECT_EQ(3, match.observable) << toString(cost) << ", seed " << seed;
+        EXPECT_LT((match.pose - truth).head<2>().norm(), 0.025) << toString(cost) << ", seed " << seed;
+        EXPECT_LT(std::sqrt(match.covariance(0, 0)), 0.05) << toString(cost) << ", seed " << seed;
+      }
+      EXPECT_EQ(2, ScanMatcher(optionsOf(Cost::kOccupancy)).match(map, scan, guess).observable);
+    }
   }
-  EXPECT_EQ(2, ScanMatcher(optionsOf(Cost::kOccupancy))
-                   .match(map, look(textured, truth, scanner, 9), guess)
-                   .observable);
+}
+
+// A door frame of 10 cm on each side, a hall, few beams: all tell the whole pose.
+TEST(ScanMatcher, KnowsWhatRoomsTell) {
+  std::vector<Wall> doors;
+  for (const double y : {-1.1, 1.1}) {
+    const double frame = y > 0.0 ? 1.0 : -1.0;
+    doors.push_back({{-50.0, y}, {0.8, y}});
+    doors.push_back({{0.8, y}, {0.8, frame}});
+    doors.push_back({{0.8, frame}, {1.9, frame}});
+    doors.push_back({{1.9, frame}, {1.9, y}});
+    doors.push_back({{1.9, y}, {50.0, y}});
+  }
+  Scanner sparse = noisy();
+  sparse.beams = 181;
+  sparse.angle_min = -0.5 * M_PI;
+  sparse.angle_max = 0.5 * M_PI;
+  sparse.range_noise = 0.01;
+  const std::vector<Wall> hall = box({-12.0, -9.0}, {12.0, 9.0}, false);
+  const std::pair<std::vector<Wall>, Scanner> cases[] = {{furnishedRoom(), noisy()},
+                                                         {furnishedRoom(), sparse},
+                                                         {hall, noisy()},
+                                                         {hall, sparse},
+                                                         {doors, shortSighted(1081, 0.005)}};
+  for (const auto& [walls, scanner] : cases) {
+    const MultiMap map = mapOf(walls, scanner, 60);
+    for (unsigned seed = 1; seed <= 10; ++seed) {
+      const Pose truth(0.02 * seed, 0.05, 0.3 * seed);
+      for (const Cost cost : kCosts) {
+        const Match match = ScanMatcher(optionsOf(cost)).match(map, look(walls, truth, scanner, seed), truth);
+        EXPECT_EQ(3, match.observable)
+            << toString(cost) << ", seed " << seed << ", case " << (&walls - &cases[0].first);
+      }
+    }
+  }
+}
+
+// In a map from true poses, about a third of the errors is beyond one sigma, but hardly any beyond three.
+TEST(ScanMatcher, CovarianceIsHonest) {
+  const std::pair<std::vector<Wall>, Scanner> cases[] = {{furnishedRoom(), noisy()},
+                                                         {corridor(true), shortSighted(1081, 0.005)}};
+  for (const auto& [walls, scanner] : cases) {
+    const MultiMap map = mapOf(walls, scanner, 150, 0.5);
+    for (const Cost cost : {Cost::kReflectivity, Cost::kCombined}) {
+      ScanMatcher matcher(optionsOf(cost));
+      int all = 0, within[3] = {};
+      for (unsigned seed = 1; seed <= 50; ++seed) {
+        const Pose truth(0.4 * std::sin(seed), 0.3 * std::sin(2.3 * seed), 0.1 * std::sin(seed));
+        const Match match =
+            matcher.match(map, look(walls, truth, scanner, seed), truth + Pose(0.02, -0.01, 0.005));
+        const Eigen::Vector3d error = match.covariance.llt().matrixL().solve(match.pose - truth);
+        for (const double e : error) {
+          ++all;
+          for (int i = 0; i < 3; ++i) within[i] += std::abs(e) <= i + 1.0;
+        }
+      }
+      EXPECT_GT(within[0], 0.45 * all) << toString(cost);
+      EXPECT_LT(within[0], 0.9 * all) << toString(cost);
+      EXPECT_GT(within[1], 0.75 * all) << toString(cost);
+      EXPECT_GT(within[2], 0.9 * all) << toString(cost);
+    }
+  }
 }
 
 TEST(ScanMatcher, AutoTrustsReflectivityWhereItIsKnownAndDense) {
@@ -167,6 +252,7 @@ TEST(ScanMatcher, CovarianceIsSigmaSquaredByH) {
   MatcherOptions options = optionsOf(Cost::kOccupancy);
   options.sigma = 0.1;
   options.covariance_scale = 1.0;
+  options.covariance_floor = 0.0;
   const Match match =
       ScanMatcher(options).match(map, look(furnishedRoom(), Pose::Zero(), noisy(), 3), Pose(0.02, 0.0, 0.0));
   const Eigen::Matrix3d expected = 0.01 * match.hessian.inverse();

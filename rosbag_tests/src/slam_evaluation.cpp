@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <intensity_hector_slam/key_poses.h>
 #include <mapping_common/files.h>
 #include <rosbag_tests/slam_evaluation.h>
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <array>
 #include <chrono>
@@ -26,6 +28,21 @@ constexpr double kDegrees = 180.0 / M_PI;
 Eigen::Isometry3d toIsometry(const Pose& pose) {
   return Eigen::Translation3d(pose.x(), pose.y(), 0.0) *
          Eigen::Isometry3d(Eigen::AngleAxisd(pose.z(), Eigen::Vector3d::UnitZ()));
+}
+
+Pose toPose(const Eigen::Isometry3d& pose) {
+  return {pose.translation().x(), pose.translation().y(), std::atan2(pose(1, 0), pose(0, 0))};
+}
+
+// Of an edge between the poses at two indices, in units of its standard deviations.
+Eigen::Vector3d normalizedError(const intensity_hector_slam::Edge& edge,
+                                const std::vector<TimedPose>& truth) {
+  const auto true_pose = [&](const intensity_hector_slam::KeyPose& key) {
+    return toPose(truth[static_cast<std::size_t>(key.stamp)].pose);
+  };
+  Pose error = edge.transform - intensity_hector_slam::between(true_pose(edge.from), true_pose(edge.to));
+  error.z() = intensity_hector_slam::wrapAngle(error.z());
+  return edge.information.llt().matrixU() * error;
 }
 
 void count(Status status, SlamRun& run) {
@@ -55,8 +72,8 @@ Color colorOf(const GridMap& map, int x, int y) {
 
 struct Summary {
   std::size_t runs = 0, lost = 0, scans = 0, rejected = 0, unobservable = 0;
-  std::vector<double> delta_translation, delta_rotation, translation, max_translation,
-      rotation;  // if not lost
+  std::vector<double> delta_translation, delta_rotation, translation, max_translation, rotation,
+      normalized;  // if not lost
   double seconds = 0.0;
 };
 
@@ -77,8 +94,14 @@ Summary summarize(const std::vector<SlamRun>& runs, const std::string& scenario,
     s.translation.push_back(run.absolute.translation().mean);
     s.rotation.push_back(run.absolute.rotation().mean);
     s.max_translation.push_back(run.absolute.translation().max);
+    s.normalized.insert(s.normalized.end(), run.normalized_errors.begin(), run.normalized_errors.end());
   }
   return s;
+}
+
+double shareWithin(const std::vector<double>& values, double limit) {
+  const auto within = [&](double value) { return std::abs(value) <= limit; };
+  return static_cast<double>(std::count_if(values.begin(), values.end(), within)) / values.size();
 }
 
 }  // namespace
@@ -90,6 +113,7 @@ SlamRun runSlam(const SlamRecording& recording, const intensity_hector_slam::Sla
   run.cost = options.matcher.cost;
   if (recording.scans.empty()) return run;
   intensity_hector_slam::Slam slam(options);
+  intensity_hector_slam::KeyPoses key_poses;
   const Eigen::Isometry3d start = recording.truth.front().pose;
   Clock::duration busy{0};
   for (std::size_t i = 0; i < recording.scans.size(); ++i) {
@@ -98,6 +122,11 @@ SlamRun runSlam(const SlamRecording& recording, const intensity_hector_slam::Sla
     busy += Clock::now() - before;
     count(result.status, run);
     run.poses.push_back({recording.truth[i].time, start * toIsometry(result.pose)});
+    if (result.status == Status::kUnobservable) key_poses.breakChain();
+    if (const auto edge = key_poses.add(static_cast<double>(i), result)) {
+      const Eigen::Vector3d errors = normalizedError(*edge, recording.truth);
+      run.normalized_errors.insert(run.normalized_errors.end(), errors.begin(), errors.end());
+    }
   }
   run.seconds_per_scan = std::chrono::duration<double>(busy).count() / run.scans;
   const Trajectory truth(recording.truth), estimate(run.poses);
@@ -120,8 +149,10 @@ void printTable(std::ostream& out, const std::vector<SlamRun>& runs) {
   }
   out << "| scenario | cost | map lost | delta error (mm) | delta error (deg) | absolute error, mean (m) | "
          "greatest (m) |"
-         " absolute error, mean (deg) | rejected (%) | unobservable (%) | ms per scan |\n"
-         "|---|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|\n";
+         " absolute error, mean (deg) | errors within 1, 2, 3 sigma (%) | rejected (%) | unobservable (%) | "
+         "ms per "
+         "scan |\n"
+         "|---|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|\n";
   for (const auto& row : rows) {
     const Summary s = summarize(runs, row.first, row.second);
     const auto cell = [&](double value, int digits) {
@@ -138,6 +169,14 @@ void printTable(std::ostream& out, const std::vector<SlamRun>& runs) {
     cell(mean(s.translation), 3);
     cell(momentsOf(s.max_translation).max, 3);
     cell(kDegrees * mean(s.rotation), 3);
+    out << ' ';
+    for (const double sigmas : {1.0, 2.0, 3.0}) {
+      if (!s.normalized.empty())
+        out << std::setprecision(1) << 100.0 * shareWithin(s.normalized, sigmas);
+      else
+        out << '-';
+      out << (sigmas < 3.0 ? " / " : " |");
+    }
     cell(100.0 * s.rejected / s.scans, 1);
     cell(100.0 * s.unobservable / s.scans, 1);
     cell(1e3 * s.seconds / s.scans, 2);
@@ -148,6 +187,8 @@ void printTable(std::ostream& out, const std::vector<SlamRun>& runs) {
 std::string runsToJson(const std::vector<SlamRun>& runs) {
   std::vector<std::string> objects;
   for (const SlamRun& run : runs) {
+    std::vector<std::string> normalized;
+    for (const double error : run.normalized_errors) normalized.push_back(jsonNumber(error));
     objects.push_back(JsonObject()
                           .add("scenario", run.scenario)
                           .add("cost", toString(run.cost))
@@ -166,6 +207,7 @@ std::string runsToJson(const std::vector<SlamRun>& runs) {
                           .add("rotation_mean_rad", run.absolute.rotation().mean)
                           .add("rotation_max_rad", run.absolute.rotation().max)
                           .add("seconds_per_scan", run.seconds_per_scan)
+                          .raw("normalized_errors", jsonArray(normalized))
                           .str());
   }
   return jsonArray(objects);

@@ -61,6 +61,10 @@ bool parse(int argc, char** argv, Arguments& a) {
   add("resolution", po::value(&a.slam.map.resolution)->default_value(a.slam.map.resolution, "0.025"),
       "of the map's finest level (m)");
   add("levels", po::value(&a.slam.map.levels)->default_value(a.slam.map.levels), "of the map");
+  add("min-observability",
+      po::value(&a.slam.matcher.min_observability)->default_value(a.slam.matcher.min_observability, "0.002"),
+      "share of what the normals tell in the best direction, below which occupancy isn't used; with 0 and "
+      "--cost occupancy\nit is always, as in Hector SLAM");
   add("lost-distance", po::value(&a.criterion.distance)->default_value(a.criterion.distance), "m");
   add("lost-angle", po::value(&a.lost_angle)->default_value(a.lost_angle), "degrees");
   add("jobs", po::value(&a.jobs)->default_value(a.jobs), "drives at the same time; times per scan need 1");

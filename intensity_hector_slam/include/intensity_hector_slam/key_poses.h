@@ -39,6 +39,7 @@ class KeyPoses {
   double distance_, angle_;
   std::uint32_t next_id_ = 0;
   std::optional<KeyPose> last_;
+  Eigen::Matrix3d last_covariance_ = Eigen::Matrix3d::Zero();
 };
 
 }  // namespace intensity_hector_slam

@@ -72,21 +72,28 @@ struct MatcherOptions {
   double min_step_distance = 2e-4;  ///< m, an iteration that moves less is the last
   double min_step_angle = 1e-4;     ///< rad, and turns less
   double coarse_step = 0.05;        ///< cells: less is the last iteration on all but the finest level
-  /// Where H is less in some direction than min_eigenvalue_ratio of its greatest eigenvalue (angles times the
-  /// scan's mean range), the cost is probed on both sides, at probe_distance. If it rises by less than
-  /// min_observability of what it rises in the best direction, then what H holds there is the noise of the
-  /// grid: the pose isn't observable in that direction, and stays where the first guess is.
-  double min_eigenvalue_ratio = 0.1;
-  double probe_distance = 0.2;  ///< m
-  double min_observability = 0.03;
+  /// What a scan tells about the pose is judged from lines through neighbouring points: H holds the noise of
+  /// the grid, too.
+  double surface_length = 0.6;  ///< m, of such lines
+  /// Where the normals of the lines tell less in some direction than this share of what they tell in the best
+  /// (angles times the scan's mean range), occupancy doesn't observe the pose there.
+  double min_observability = 0.002;
+  /// Reflectivity does where it changes along the lines: the square of its slope, over what noise alone would
+  /// give, is at least this on the average. Otherwise the pose stays where the first guess is.
+  double min_texture = 10.0;
+  /// Where the normals tell less than this share, and reflectivity has texture, it is left to reflectivity.
+  double min_geometry = 0.02;
 
   double auto_max_spacing =
       0.1;  ///< m, auto: with the median distance of neighbouring points beyond, reflectivity
             ///< has no good normals, and is used only where occupancy leaves a direction open
   double auto_min_known = 0.3;  ///< auto: share of points with known reflectivity for it to be used
 
-  double sigma = 0.0;                  ///< of K = sigma^2 H^-1; 0: estimated from the residuals of each scan
-  double covariance_scale = 30.0;      ///< factor on K: residuals of neighbouring beams aren't independent
+  double sigma = 0.0;             ///< of K = sigma^2 H^-1; 0: estimated from the residuals of each scan
+  double covariance_scale = 2.0;  ///< factor on K: residuals of neighbouring beams aren't independent
+  /// Cells of the finest level: standard deviation of what all beams have in common, of points at the scan's
+  /// mean range for the angle. It is added to K.
+  double covariance_floor = 0.03;
   double unobservable_distance = 1.0;  ///< m, standard deviation in a direction that isn't observable
   double unobservable_angle = 0.5;     ///< rad, and of the angle
 

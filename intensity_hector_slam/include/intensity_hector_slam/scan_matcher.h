@@ -41,11 +41,12 @@ class ScanMatcher {
   struct NormalEquation {
     Eigen::Matrix3d hessian = Eigen::Matrix3d::Zero();   ///< sum of w J^T J
     Eigen::Vector3d gradient = Eigen::Vector3d::Zero();  ///< sum of w J^T e: the step is H^-1 times this
+    double cost = 0.0;                                   ///< sum of the robust costs of the residuals
   };
   /// A cost, linearised at a pose on one level.
   struct Linearization {
     NormalEquation occupancy, reflectivity;  ///< zero where the cost hasn't that kind of residuals
-    double cost = 0.0;                       ///< sum of the robust costs of the residuals
+    double cost = 0.0;                       ///< of both
     double squares = 0.0;                    ///< sum of w e^2
     double weights = 0.0;                    ///< sum of w
   };
@@ -57,6 +58,8 @@ class ScanMatcher {
     std::vector<float> x, y, reflectivity, known, valid;
     std::size_t count = 0;
     double mean_range = 1.0, share_known = 0.0;
+    std::vector<bool> on_occupied;  // whether each is in an occupied cell, see touch
+    std::size_t on_free = 0;
   };
 
   /// Projections of poses, with angles in units of length, on what each kind of residuals tells.
@@ -68,18 +71,18 @@ class ScanMatcher {
 
   void prepare(const Scan& scan);
   Linearization linearize(const GridMap& map, const Pose& pose, Cost cost) const;
-  Observability observe(const GridMap& map, const Pose& pose, const Linearization& at) const;
-  Eigen::Matrix3d project(const GridMap& map, const Pose& pose, Cost kind, const Eigen::Matrix3d& hessian,
-                          const Eigen::Matrix3d& directions) const;
+  void touch(const GridMap& map, const Pose& pose);
+  Observability observe(const Scan& scan, const Pose& pose, Cost cost) const;
+  double curvatureAlong(const Eigen::Vector3d& v, const GridMap& map, const Match& match,
+                        const Linearization& at, const Observability& observability) const;
   float weightOf(Cost kind, Cost cost) const;
-  Cost chooseCost(const GridMap& map, const Scan& scan, const Pose& guess) const;
+  Cost chooseCost(const GridMap& map, const Scan& scan, const Pose& guess);
   Pose searchWindow(const GridMap& map, const Pose& guess, Cost cost) const;
   /// Both move the pose, and return the cost where the last step starts, on the finest level.
   Linearization descend(const MultiMap& map, const Observability& observability, Pose& pose,
                         Match& match) const;
   Linearization optimize(const GridMap& map, const Observability& observability, double min_distance,
                          double min_angle, Pose& pose, Match& match) const;
-  void assess(const GridMap& map, Match& match) const;
 
   MatcherOptions options_;
   Beams beams_;

@@ -60,6 +60,7 @@ class Slam {
   void predict(double stamp, const std::optional<Pose>& odometry, SlamResult& result);
   bool isUnsure(double stamp, bool odometry, const SlamResult& result) const;
   void follow(const Scan& scan, bool unsure, SlamResult& result);
+  void addUncertainty(const Eigen::Vector3d& motion, SlamResult& result) const;
   void startAgain();
   double deskew(const Scan& scan);
   void place(const Scan& scan, bool unsure, SlamResult& result);

@@ -55,13 +55,15 @@ void readMatcher(mapping_common::Parameters& p, MatcherOptions& o) {
   o.min_step_distance = p.get("min_step_distance", o.min_step_distance);
   o.min_step_angle = p.get("min_step_angle", o.min_step_angle);
   o.coarse_step = p.get("coarse_step", o.coarse_step);
-  o.min_eigenvalue_ratio = p.get("min_eigenvalue_ratio", o.min_eigenvalue_ratio);
-  o.probe_distance = p.get("probe_distance", o.probe_distance);
+  o.surface_length = p.get("surface_length", o.surface_length);
   o.min_observability = p.get("min_observability", o.min_observability);
+  o.min_texture = p.get("min_texture", o.min_texture);
+  o.min_geometry = p.get("min_geometry", o.min_geometry);
   o.auto_max_spacing = p.get("auto_max_spacing", o.auto_max_spacing);
   o.auto_min_known = p.get("auto_min_known", o.auto_min_known);
   o.sigma = p.get("sigma", o.sigma);
   o.covariance_scale = p.get("covariance_scale", o.covariance_scale);
+  o.covariance_floor = p.get("covariance_floor", o.covariance_floor);
   o.unobservable_distance = p.get("unobservable_distance", o.unobservable_distance);
   o.unobservable_angle = p.get("unobservable_angle", o.unobservable_angle);
   o.search = parseSearch(p.get<std::string>("search", "when_unsure"));

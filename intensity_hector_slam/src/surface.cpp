@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "surface.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace intensity_hector_slam {
+namespace {
+
+constexpr std::size_t kMinPoints = 3;
+constexpr float kMaxTurn = 3.0f;  // between neighbours, over the angle between beams
+constexpr float kMinTexturePoints = 5.0f;
+constexpr float kMaxTexture = 100.0f;         // so that one step with hardly any noise doesn't decide
+constexpr double kMinIncidenceCosine = 0.15;  // reflectivities at more grazing angles aren't exact
+
+SurfacePiece fit(const Scan& scan, std::size_t begin, std::size_t end) {
+  SurfacePiece piece;
+  piece.begin = begin;
+  piece.end = end;
+  const double n = static_cast<double>(end - begin);
+  Eigen::Vector2f sum = Eigen::Vector2f::Zero();
+  for (std::size_t i = begin; i < end; ++i) sum += scan.points[i];
+  const Eigen::Vector2f centre = sum / n;
+  float xx = 0.0f, xy = 0.0f, yy = 0.0f;
+  for (std::size_t i = begin; i < end; ++i) {
+    const Eigen::Vector2f d = scan.points[i] - centre;
+    xx += d.x() * d.x();
+    xy += d.x() * d.y();
+    yy += d.y() * d.y();
+  }
+  const double mean = 0.5 * (xx + yy), half = std::hypot(0.5 * (xx - yy), xy);
+  const double along = mean + half, across = std::max(0.0, mean - half);
+  const double angle = 0.5 * std::atan2(2.0 * xy, xx - yy);
+  const Eigen::Vector2f tangent(std::cos(angle), std::sin(angle));
+  piece.centre = centre.cast<double>();
+  piece.normal = {-tangent.y(), tangent.x()};
+  piece.normal_variance = along > 0.0 ? across / ((n - 2.0) * along) : 1.0;
+
+  const Eigen::Vector2f beam = (centre - scan.origin).normalized();
+  const double incidence_cosine = std::abs(piece.normal.dot(beam.cast<double>()));
+  if (scan.reflectivities.empty() || incidence_cosine < kMinIncidenceCosine) return piece;
+  float m = 0.0f, s = 0.0f, ss = 0.0f, r = 0.0f, sr = 0.0f, differences = 0.0f, pairs = 0.0f;
+  for (std::size_t i = begin; i < end; ++i) {
+    const float value = scan.reflectivities[i];
+    if (!std::isfinite(value)) continue;
+    const float at = tangent.dot(scan.points[i] - centre);
+    m += 1.0f;
+    s += at;
+    ss += at * at;
+    r += value;
+    sr += at * value;
+    if (i + 1 < end && std::isfinite(scan.reflectivities[i + 1])) {
+      const float difference = scan.reflectivities[i + 1] - value;
+      differences += difference * difference;
+      pairs += 1.0f;
+    }
+  }
+  if (m < kMinTexturePoints || pairs < 0.5f * m) return piece;
+  const float variance = ss - s * s / m, covariance = sr - s * r / m;
+  const float noise = 0.5f * differences / pairs;  // of successive differences, that texture is hardly in
+  piece.texture = std::min(kMaxTexture, covariance * covariance / std::max(1e-9f, variance * noise));
+  return piece;
+}
+
+}  // namespace
+
+std::vector<SurfacePiece> surfacePieces(const Scan& scan, double length) {
+  std::vector<SurfacePiece> pieces;
+  const std::size_t n = scan.points.size();
+  if (n < kMinPoints) return pieces;
+  // Where beams between two points have no return, nothing is known of what is there.
+  std::vector<float> turns(n - 1);
+  for (std::size_t i = 0; i + 1 < n; ++i) {
+    const Eigen::Vector2f a = scan.points[i] - scan.origin, b = scan.points[i + 1] - scan.origin;
+    turns[i] = std::atan2(std::abs(a.x() * b.y() - a.y() * b.x()), a.dot(b));
+  }
+  std::vector<float> sorted = turns;
+  std::nth_element(sorted.begin(), sorted.begin() + sorted.size() / 2, sorted.end());
+  const float max_turn = kMaxTurn * sorted[sorted.size() / 2];
+
+  const float square = static_cast<float>(length * length);
+  std::size_t begin = 0;
+  for (std::size_t i = 1; i <= n; ++i) {
+    const bool ends = i == n || turns[i - 1] > max_turn;
+    if (!ends && (i - begin < kMinPoints || (scan.points[i] - scan.points[begin]).squaredNorm() < square))
+      continue;
+    if (i - begin >= kMinPoints) pieces.push_back(fit(scan, begin, i));
+    begin = i;
+  }
+  return pieces;
+}
+
+}  // namespace intensity_hector_slam
