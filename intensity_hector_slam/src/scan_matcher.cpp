@@ -292,8 +292,10 @@ ScanMatcher::Linearization ScanMatcher::optimize(const GridMap& map, const Obser
       next = linearize(map, next_pose, match.cost);
     }
     if (max_halvings > 0 && !(next.cost < at.cost)) break;
+    const bool last = max_halvings > 0 && at.cost - next.cost < options_.min_cost_change * at.cost;
     pose = next_pose;
     at = next;
+    if (last) break;
   }
   return at;
 }

@@ -78,6 +78,7 @@ TEST(Parameters, AreThoseOfTheFileThatShips) {
                                m.min_step_distance,
                                m.min_step_angle,
                                m.coarse_step,
+                               m.min_cost_change,
                                m.surface_length,
                                m.min_observability,
                                m.min_texture,

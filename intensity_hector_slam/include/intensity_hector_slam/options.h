@@ -71,6 +71,7 @@ struct MatcherOptions {
   double max_step_angle = 0.1;      ///< rad, of one iteration
   double min_step_distance = 2e-4;  ///< m, an iteration that moves less is the last
   double min_step_angle = 1e-4;     ///< rad, and turns less
+  double min_cost_change = 3e-4;    ///< of the cost, an iteration that lowers it by less is the last
   double coarse_step = 0.05;        ///< cells: less is the last iteration on all but the finest level
   /// What a scan tells about the pose is judged from lines through neighbouring points: H holds the noise of
   /// the grid, too.
@@ -103,9 +104,9 @@ struct MatcherOptions {
   double search_motion_angle = 0.2;     ///< rad
   double search_contradiction = 0.2;    ///< share of the points in free space: more is reason, too
   double search_min_gain = 0.25;  ///< of Match::score(), for such a search's result to replace the match
-  double search_distance = 0.3;  ///< m, half the width of the window
-  double search_angle = 0.35;    ///< rad, half its range of angles
-  int search_points = 200;       ///< of the scan, evenly spread
+  double search_distance = 0.3;   ///< m, half the width of the window
+  double search_angle = 0.35;     ///< rad, half its range of angles
+  int search_points = 200;        ///< of the scan, evenly spread
 
   /// @throws std::invalid_argument that names the option, its value and what is allowed
   void validate() const;
