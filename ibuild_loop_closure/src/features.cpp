@@ -81,10 +81,9 @@ cv::Mat toGrey(const cv::Mat& image) {
 
 cv::Mat FeatureExtractor::prepare(const cv::Mat& image) const {
   cv::Mat grey = toGrey(image);
-  if (options_.max_width > 0 && grey.cols > options_.max_width) {
-    const double factor = static_cast<double>(options_.max_width) / grey.cols;
+  const double factor = static_cast<double>(options_.max_width) / grey.cols;
+  if (factor > 0.0 && factor < 1.0 && factor * grey.rows >= 1.0)
     cv::resize(grey, grey, {}, factor, factor, cv::INTER_AREA);
-  }
   if (options_.equalize) {
     cv::Mat equalized;
     clahe_->apply(grey, equalized);
@@ -117,12 +116,14 @@ Features FeatureExtractor::describe(const cv::Mat& prepared, std::vector<cv::Key
                                     float scale) const {
   cv::Mat rows;
   brisk_->compute(prepared, key_points, rows);
+  const cv::Point2f middle(0.5f, 0.5f);
   Features features;
   features.descriptors.resize(key_points.size());
   features.points.reserve(key_points.size());
   for (std::size_t i = 0; i < key_points.size(); ++i) {
     std::memcpy(features.descriptors[i].bits.data(), rows.ptr(static_cast<int>(i)), sizeof(Descriptor));
-    features.points.push_back(key_points[i].pt * scale);
+    // Pixels have their coordinates at their middle.
+    features.points.push_back((key_points[i].pt + middle) * scale - middle);
   }
   return features;
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <stdexcept>
 
@@ -142,6 +143,7 @@ TEST(LoopDetector, TakesImagesOfAnySizeAndDepth) {
   }
   for (int size : {1, 2, 7, 15, 40}) {
     EXPECT_NO_THROW(detector.process({cv::Mat(size, size, CV_8UC1, cv::Scalar(100)), {}, {}}));
+    EXPECT_NO_THROW(detector.process({cv::Mat(size, 2000, CV_8UC1, cv::Scalar(100)), {}, {}}));
   }
 }
 
@@ -180,6 +182,26 @@ TEST(LoopDetector, ReportsItsStages) {
   detector.process({renderWalk(0), {}, {}}, [&](Stage s) { stages.push_back(s); });
   ASSERT_EQ(static_cast<std::size_t>(kStages), stages.size());
   for (int i = 0; i < kStages; ++i) EXPECT_EQ(i, static_cast<int>(stages[i]));
+}
+
+TEST(FeatureExtractor, GivesPixelsOfTheImageAsItCame) {
+  cv::Mat image(960, 1280, CV_8UC1, cv::Scalar(60));
+  const cv::Rect square(480, 400, 160, 160);
+  image(square).setTo(200);
+  cv::GaussianBlur(image, image, {}, 2.0);
+  for (int max_width : {640, 320}) {
+    FeatureOptions options;
+    options.max_width = max_width;
+    const Features features = FeatureExtractor(options).extract(image);
+    ASSERT_GE(features.size(), 4u);
+    cv::Point2f low = features.points[0], high = low;
+    for (const cv::Point2f& p : features.points) {
+      low = {std::min(low.x, p.x), std::min(low.y, p.y)};
+      high = {std::max(high.x, p.x), std::max(high.y, p.y)};
+    }
+    EXPECT_NEAR(559.5, (low.x + high.x) / 2, 0.01) << max_width;
+    EXPECT_NEAR(479.5, (low.y + high.y) / 2, 0.01) << max_width;
+  }
 }
 
 TEST(LoopDetectorOptions, AreChecked) {
