@@ -34,6 +34,7 @@ class Tracks : public ::testing::Test {
     options_.min_verified = 2;
     options_.memory = 0.5;
     options_.backward = 2;
+    options_.ahead = 3;
   }
   TrackOptions options_;
 };

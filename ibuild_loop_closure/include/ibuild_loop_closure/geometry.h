@@ -16,7 +16,7 @@ namespace ibuild_loop_closure {
 struct GeometryOptions {
   int max_features = 800;  ///< of an image, the first that were detected; fewer take less time and memory
   int delta = 100;         ///< bits, features nearer than that may match, 1 to 512
-  double ratio = 0.85;     ///< of the nearest to the second nearest feature, at most
+  double ratio = 0.9;      ///< of the nearest to the second nearest feature, at most
   double layout_tolerance =
       0.047;  ///< of the image's width: how far a match may be from where the layout has it
   double epipolar_tolerance = 0.005;  ///< of the image's width: the same from its epipolar line

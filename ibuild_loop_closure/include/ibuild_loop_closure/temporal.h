@@ -29,7 +29,7 @@ struct TrackOptions {
   int min_verified = 2;             ///< verified loops of a track until its loops are accepted
   double memory = 0.75;  ///< a track's significance that is left after an image without a loop, 0 to 1
   int backward = 2;      ///< images that the match may step back from one query to the next
-  int ahead = 3;  ///< images after an open track's last match that are candidates, whatever their words
+  int ahead = 4;  ///< images after an open track's last match that are candidates, whatever their words
   /// @throws std::invalid_argument that names the option, its value and the allowed range
   void validate() const;
 };
