@@ -3,6 +3,7 @@
 // SLAM over a recording, offline.
 #include <intensity_hector_slam/ros/bag_runner.h>
 #include <intensity_hector_slam/ros/result_files.h>
+#include <mapping_common/tool.h>
 
 #include <boost/program_options.hpp>
 #include <filesystem>
@@ -101,15 +102,5 @@ void run(const Arguments& a) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  Arguments arguments;
-  try {
-    if (parse(argc, argv, arguments)) run(arguments);
-    return 0;
-  } catch (const po::error& e) {
-    std::cerr << "slam_bag: " << e.what() << "\n\n" << kUsage << "See slam_bag --help\n";
-    return 2;
-  } catch (const std::exception& e) {
-    std::cerr << "slam_bag: " << e.what() << '\n';
-    return 1;
-  }
+  return mapping_common::runTool(argc, argv, "slam_bag", kUsage, parse, run);
 }

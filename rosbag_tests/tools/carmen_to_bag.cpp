@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
 // Converts a log of CARMEN to a bag that can be played to a SLAM node.
+#include <mapping_common/tool.h>
 #include <rosbag_tests/carmen_bag.h>
 #include <rosbag_tests/carmen_log.h>
 
@@ -108,15 +109,5 @@ void convert(const Arguments& a) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  Arguments arguments;
-  try {
-    if (parse(argc, argv, arguments)) convert(arguments);
-    return 0;
-  } catch (const po::error& e) {
-    std::cerr << "carmen_to_bag: " << e.what() << "\n\n" << kUsage << "See carmen_to_bag --help\n";
-    return 2;
-  } catch (const std::exception& e) {
-    std::cerr << "carmen_to_bag: " << e.what() << '\n';
-    return 1;
-  }
+  return mapping_common::runTool(argc, argv, "carmen_to_bag", kUsage, parse, convert);
 }

@@ -4,6 +4,7 @@
 // are seen at many distances and angles of incidence, for the raw, the range and the lookup table model.
 #include <laser_intensity_calib/calibration_file.h>
 #include <laser_intensity_calib/ros/bag_samples.h>
+#include <mapping_common/tool.h>
 #include <rosbag_tests/calibration_evaluation.h>
 
 #include <boost/program_options.hpp>
@@ -152,16 +153,5 @@ void evaluate(const Arguments& a) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  Arguments arguments;
-  try {
-    if (parse(argc, argv, arguments)) evaluate(arguments);
-    return 0;
-  } catch (const po::error& e) {
-    std::cerr << "evaluate_calibration: " << e.what() << "\n\n"
-              << kUsage << "See evaluate_calibration --help\n";
-    return 2;
-  } catch (const std::exception& e) {
-    std::cerr << "\nevaluate_calibration: " << e.what() << '\n';
-    return 1;
-  }
+  return mapping_common::runTool(argc, argv, "evaluate_calibration", kUsage, parse, evaluate);
 }

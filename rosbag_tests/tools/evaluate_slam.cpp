@@ -2,6 +2,7 @@
 //
 // How often SLAM loses the map over many simulated drives, and how exact it is, for each cost.
 #include <mapping_common/files.h>
+#include <mapping_common/tool.h>
 #include <rosbag_tests/slam_evaluation.h>
 #include <rosbag_tests/slam_scenario.h>
 
@@ -199,15 +200,5 @@ void evaluate(const Arguments& a) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  Arguments arguments;
-  try {
-    if (parse(argc, argv, arguments)) evaluate(arguments);
-    return 0;
-  } catch (const po::error& e) {
-    std::cerr << "evaluate_slam: " << e.what() << "\n\n" << kUsage << "See evaluate_slam --help\n";
-    return 2;
-  } catch (const std::exception& e) {
-    std::cerr << "evaluate_slam: " << e.what() << '\n';
-    return 1;
-  }
+  return mapping_common::runTool(argc, argv, "evaluate_slam", kUsage, parse, evaluate);
 }

@@ -2,6 +2,7 @@
 //
 // How well a trajectory keeps manually verified relations between poses.
 #include <mapping_common/files.h>
+#include <mapping_common/tool.h>
 #include <rosbag_tests/trajectory_metrics.h>
 
 #include <boost/program_options.hpp>
@@ -67,15 +68,5 @@ void run(const Arguments& a) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  Arguments arguments;
-  try {
-    if (parse(argc, argv, arguments)) run(arguments);
-    return 0;
-  } catch (const po::error& e) {
-    std::cerr << "relations_metric: " << e.what() << "\n\n" << kUsage << "See relations_metric --help\n";
-    return 2;
-  } catch (const std::exception& e) {
-    std::cerr << "relations_metric: " << e.what() << '\n';
-    return 1;
-  }
+  return mapping_common::runTool(argc, argv, "relations_metric", kUsage, parse, run);
 }

@@ -2,6 +2,7 @@
 //
 // Converts recorded scans with poses (see scan_files.h for the formats) to a bag that can be played to a
 // mapper.
+#include <mapping_common/tool.h>
 #include <rosbag_tests/scan_bag_writer.h>
 #include <rosbag_tests/scan_files.h>
 
@@ -95,15 +96,5 @@ void convert(const Arguments& a) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  Arguments arguments;
-  try {
-    if (parse(argc, argv, arguments)) convert(arguments);
-    return 0;
-  } catch (const po::error& e) {
-    std::cerr << "scans_to_bag: " << e.what() << "\n\n" << kUsage << "See scans_to_bag --help\n";
-    return 2;
-  } catch (const std::exception& e) {
-    std::cerr << "\nscans_to_bag: " << e.what() << '\n';
-    return 1;
-  }
+  return mapping_common::runTool(argc, argv, "scans_to_bag", kUsage, parse, convert);
 }

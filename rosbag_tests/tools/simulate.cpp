@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
 // Drives simulated laser scanners through a world and writes what they see as a bag.
+#include <mapping_common/tool.h>
 #include <rosbag_tests/simulation_bag.h>
 
 #include <boost/program_options.hpp>
@@ -101,15 +102,5 @@ void run(const Arguments& a) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  Arguments arguments;
-  try {
-    if (parse(argc, argv, arguments)) run(arguments);
-    return 0;
-  } catch (const po::error& e) {
-    std::cerr << "simulate: " << e.what() << "\n\n" << kUsage << "See simulate --help\n";
-    return 2;
-  } catch (const std::exception& e) {
-    std::cerr << "simulate: " << e.what() << '\n';
-    return 1;
-  }
+  return mapping_common::runTool(argc, argv, "simulate", kUsage, parse, run);
 }

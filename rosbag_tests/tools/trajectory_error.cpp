@@ -2,6 +2,7 @@
 //
 // Delta pose error and absolute trajectory error of an estimated trajectory.
 #include <mapping_common/files.h>
+#include <mapping_common/tool.h>
 #include <rosbag_tests/bag_trajectory.h>
 #include <rosbag_tests/trajectory_metrics.h>
 
@@ -89,15 +90,5 @@ void run(const Arguments& a) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  Arguments arguments;
-  try {
-    if (parse(argc, argv, arguments)) run(arguments);
-    return 0;
-  } catch (const po::error& e) {
-    std::cerr << "trajectory_error: " << e.what() << "\n\n" << kUsage << "See trajectory_error --help\n";
-    return 2;
-  } catch (const std::exception& e) {
-    std::cerr << "trajectory_error: " << e.what() << '\n';
-    return 1;
-  }
+  return mapping_common::runTool(argc, argv, "trajectory_error", kUsage, parse, run);
 }
