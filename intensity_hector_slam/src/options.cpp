@@ -95,6 +95,7 @@ void SlamOptions::validate() const {
   matcher.validate();
   require("map_update_distance_thresh", update_distance, 0.0, 1e3);
   require("map_update_angle_thresh", update_angle, 0.0, 1e3);
+  require("map_update_period", update_period, 0.0, 1e9);
   require("min_points", min_points, 3, 1e6);
   require("max_contradiction", max_contradiction, 0.0, 1.0);
   require("max_correction_distance", max_correction_distance, 0.0, 1e6);

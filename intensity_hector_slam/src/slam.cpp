@@ -149,6 +149,7 @@ void Slam::startAgain() {
   last_match_ = first_->stamp + middle;
   map_.update(deskewed_, matched_pose_);
   last_update_ = matched_pose_;
+  last_update_stamp_ = first_->stamp;
 }
 
 // To the middle of the sweep. @return the time from the stamp to there, s
@@ -210,8 +211,10 @@ bool Slam::hasMoved(const std::optional<Pose>& from, const Pose& to) const {
 }
 
 void Slam::updateMap(const Scan& scan, SlamResult& result) {
-  if (options_.localization || !hasMoved(last_update_, result.pose)) return;
+  const bool due = scan.stamp - last_update_stamp_ >= options_.update_period;
+  if (options_.localization || !(due || hasMoved(last_update_, result.pose))) return;
   map_.update(scan, result.pose);
+  last_update_stamp_ = scan.stamp;
   last_update_ = result.pose;
   result.map_updated = true;
 }

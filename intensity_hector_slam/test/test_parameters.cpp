@@ -102,6 +102,7 @@ TEST(Parameters, AreThoseOfTheFileThatShips) {
                                double(p.slam.deskew),
                                p.slam.update_distance,
                                p.slam.update_angle,
+                               p.slam.update_period,
                                double(p.slam.min_points),
                                p.slam.max_contradiction,
                                p.slam.max_correction_distance,

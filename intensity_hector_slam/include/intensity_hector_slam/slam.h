@@ -83,6 +83,7 @@ class Slam {
   std::optional<double> last_stamp_;
   std::optional<Scan> first_;  // until the next, which tells the velocity
   std::optional<Pose> last_odometry_, last_update_, last_search_;
+  double last_update_stamp_ = 0.0;
   // The last scan that was matched: the middle of its sweep and the pose then.
   std::optional<double> last_match_;
   Pose matched_pose_ = Pose::Zero();

@@ -86,6 +86,7 @@ void readSlam(mapping_common::Parameters& p, SlamOptions& o) {
   o.deskew = p.get("deskew", o.deskew);
   o.update_distance = p.get("map_update_distance_thresh", o.update_distance);
   o.update_angle = p.get("map_update_angle_thresh", o.update_angle);
+  o.update_period = p.get("map_update_period", o.update_period);
   o.min_points = p.get("min_points", o.min_points);
   o.max_contradiction = p.get("max_contradiction", o.max_contradiction);
   o.max_correction_distance = p.get("max_correction_distance", o.max_correction_distance);
