@@ -2,9 +2,11 @@
 #include "intensity_hector_slam/grid_map.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
+#include <limits>
 
 #include "interpolation.h"
 
@@ -12,7 +14,8 @@ namespace intensity_hector_slam {
 namespace {
 
 // Eq. 2.6 with the prior P(g) = 0.5 (section 3.4.1); odds = P(g | z) / (1 - P(g | z)).
-float observed(float probability, float odds) {
+template <class Value>
+Value observed(const Value& probability, const Value& odds) {
   return odds * probability / (odds * probability + (1.0f - probability));
 }
 
@@ -21,6 +24,34 @@ float odds(double probability) {
 }
 
 }  // namespace
+
+// Most of a scan is space without anything, where beams only cross: all cells of a word of marks at once.
+class GridMap::FreeCells {
+ public:
+  FreeCells(float miss_odds, float least) : least_(least, lowest(), least, lowest()) {
+    for (int i = 0; i < 4; ++i)
+      odds_[i] << (i & 1 ? miss_odds : 1.0f), 1.0f, (i & 2 ? miss_odds : 1.0f), 1.0f;
+  }
+  // @return false where one is occupied, or not all marks are kClear or kNone: nothing is done then
+  bool clear(Marks::Word word, Cell* cells) const {
+    constexpr Marks::Word all_clear = ~Marks::Word{0} / 0xff * Marks::kClear;
+    if (word & ~all_clear) return false;
+    Eigen::Map<Eigen::Array<float, 2 * sizeof(word), 1>> values(&cells->occupancy);
+    if (!(values.maxCoeff() <= 0.5f)) return false;
+    static_assert(Marks::kClear == 2, "the marks of two cells are two bits of the index");
+    for (std::size_t i = 0; i < sizeof(word); i += 2) {
+      const Eigen::Array4f& odds = odds_[(word >> 1 | word >> 8) & 3];
+      values.segment<4>(2 * i) = observed<Eigen::Array4f>(values.segment<4>(2 * i), odds).max(least_);
+      word >>= 16;
+    }
+    return true;
+  }
+
+ private:
+  static constexpr float lowest() { return std::numeric_limits<float>::lowest(); }
+  std::array<Eigen::Array4f, 4> odds_;  // of two cells, P and R in turn; the odds of 1 change nothing
+  Eigen::Array4f least_;
+};
 
 GridMap::GridMap(double resolution, const Eigen::Vector2d& min, int width, int height)
     : resolution_(resolution),
@@ -62,7 +93,7 @@ void GridMap::update(const Scan& scan, const Pose& pose, const MapOptions& optio
                      const std::vector<bool>& appeared) {
   const Eigen::Vector2i from = cellAt(transform(pose, scan.origin.cast<double>()));
   if (!contains(from)) return;
-  const Eigen::Isometry2d to_map = Eigen::Translation2d(pose.head<2>()) * Eigen::Rotation2Dd(pose.z());
+  const Eigen::Isometry2d to_map = isometry(pose);
   ends_.resize(scan.points.size());
   Eigen::AlignedBox2i box(from);
   for (std::size_t i = 0; i < scan.points.size(); ++i) {
@@ -74,8 +105,7 @@ void GridMap::update(const Scan& scan, const Pose& pose, const MapOptions& optio
     if (!contains(ends_[i])) continue;
     // Neighbouring beams that end in one cell cross the same cells.
     if (i == 0 || ends_[i] != ends_[i - 1]) markBeam(from, ends_[i], options.clear_margin);
-    std::uint8_t& mark = *marks_.find(ends_[i]);
-    mark = std::max<std::uint8_t>(mark, !appeared.empty() && appeared[i] ? Marks::kUnsureHit : Marks::kHit);
+    *marks_.find(ends_[i]) |= !appeared.empty() && appeared[i] ? Marks::kUnsureHit : Marks::kHit;
   }
   applyMarks(options);
   for (std::size_t i = 0; i < scan.reflectivities.size(); ++i) {
@@ -98,6 +128,7 @@ void GridMap::applyMarks(const MapOptions& options) {
   const float unsure_odds = odds(1.0 - options.update_factor_free);
   const float most = static_cast<float>(options.max_probability),
               least = static_cast<float>(options.min_probability);
+  const FreeCells free_cells(miss_odds, least);
   for (int y = 0; y < marks_.height; ++y) {
     const std::uint8_t* const row = &marks_.values[static_cast<std::size_t>(y) * marks_.width];
     const std::size_t first = index(marks_.min.x(), marks_.min.y() + y);
@@ -105,7 +136,7 @@ void GridMap::applyMarks(const MapOptions& options) {
       if (x % sizeof(Marks::Word) == 0) {
         Marks::Word word;
         std::memcpy(&word, row + x, sizeof(word));
-        if (word == 0) {
+        if (word == 0 || free_cells.clear(word, &cells_[first + x])) {
           x += sizeof(word) - 1;
           continue;
         }
@@ -113,9 +144,9 @@ void GridMap::applyMarks(const MapOptions& options) {
       if (row[x] == Marks::kNone) continue;
       Cell& cell = cells_[first + x];
       if (row[x] >= Marks::kUnsureHit) {
-        const float odds = row[x] == Marks::kHit ? hit_odds : unsure_odds;
+        const float odds = row[x] & Marks::kHit ? hit_odds : unsure_odds;
         cell.occupancy = std::min(observed(cell.occupancy, odds), most);
-      } else if (row[x] == Marks::kClear || (row[x] == Marks::kClearUnknown && !isKnown(cell))) {
+      } else if (row[x] & Marks::kClear || !isKnown(cell)) {
         if (cell.occupancy <= least) continue;
         cell.occupancy = std::max(observed(cell.occupancy, miss_odds), least);
         if (isFree(cell) && counts_[first + x] > 0) {
@@ -133,7 +164,7 @@ void GridMap::average(std::size_t cell, float reflectivity, int max_count) {
   cells_[cell].reflectivity += (reflectivity - cells_[cell].reflectivity) / counts_[cell];
 }
 
-// Bresenham's line, without its last cell.
+// The cells of a line that are nearest to it, one per row or column, without the last.
 void GridMap::markBeam(const Eigen::Vector2i& from, const Eigen::Vector2i& to, double clear_margin) {
   const int dx = std::abs(to.x() - from.x()), dy = std::abs(to.y() - from.y());
   std::ptrdiff_t major = to.x() > from.x() ? 1 : -1, minor = to.y() > from.y() ? marks_.width : -marks_.width;
@@ -142,23 +173,19 @@ void GridMap::markBeam(const Eigen::Vector2i& from, const Eigen::Vector2i& to, d
     std::swap(major, minor);
     std::swap(length, rise);
   }
-  const double unsure = clear_margin / resolution_ * length / std::max(1.0, std::hypot(dx, dy));
-  const int sure = length - std::min<double>(length, std::ceil(unsure));
-  std::uint8_t* mark = marks_.find(from);
-  int error = length / 2;
-  const auto clear = [&](int steps, std::uint8_t value) {
-    for (int i = 0; i < steps; ++i) {
-      *mark = std::max(*mark, value);
-      mark += major;
-      error -= rise;
-      if (error < 0) {
-        mark += minor;
-        error += length;
-      }
-    }
+  if (length == 0) return;
+  const double share = length / std::sqrt(static_cast<double>(dx) * dx + static_cast<double>(dy) * dy);
+  const int unsure =
+      static_cast<int>(std::min<double>(length, std::ceil(clear_margin / resolution_ * share)));
+  std::uint8_t* const first = marks_.find(from);
+  constexpr int kFraction = 32;  // bits
+  const std::int64_t slope = (static_cast<std::int64_t>(rise) << kFraction) / length;
+  std::int64_t at = std::int64_t{1} << (kFraction - 1);
+  const auto clear = [&](int begin, int end, std::uint8_t mark) {
+    for (int i = begin; i < end; ++i, at += slope) first[i * major + (at >> kFraction) * minor] |= mark;
   };
-  clear(sure, Marks::kClear);
-  clear(length - sure, Marks::kClearUnknown);
+  clear(0, length - unsure, Marks::kClear);
+  clear(length - unsure, length, Marks::kClearUnknown);
 }
 
 void GridMap::grow(int left, int right, int below, int above) {

@@ -30,8 +30,9 @@ void MultiMap::update(const Scan& scan, const Pose& pose) {
   if (options_.grow) growTo(scan, pose);
   // Before any level changes, and on the coarsest, whose cells are larger than the noise.
   appeared_.resize(scan.points.size());
+  const Eigen::Isometry2d to_map = isometry(pose);
   for (std::size_t i = 0; i < scan.points.size(); ++i) {
-    appeared_[i] = levels_.back().isOpen(transform(pose, scan.points[i].cast<double>()), options_.sure_free);
+    appeared_[i] = levels_.back().isOpen(to_map * scan.points[i].cast<double>(), options_.sure_free);
   }
   for (GridMap& level : levels_) level.update(scan, pose, options_, appeared_);
   ++updates_;
@@ -40,8 +41,9 @@ void MultiMap::update(const Scan& scan, const Pose& pose) {
 void MultiMap::growTo(const Scan& scan, const Pose& pose) {
   const GridMap& coarsest = levels_.back();
   const double cell = coarsest.resolution();
-  Eigen::AlignedBox2d seen(transform(pose, scan.origin.cast<double>()));
-  for (const Eigen::Vector2f& point : scan.points) seen.extend(transform(pose, point.cast<double>()));
+  const Eigen::Isometry2d to_map = isometry(pose);
+  Eigen::AlignedBox2d seen(to_map * scan.origin.cast<double>());
+  for (const Eigen::Vector2f& point : scan.points) seen.extend(to_map * point.cast<double>());
 
   // By no less than a quarter of the map, so that it doesn't grow with each scan.
   const auto added = [&](double missing, int side) {

@@ -201,7 +201,7 @@ ScanMatcher::Linearization ScanMatcher::linearize(const GridMap& map, const Pose
 
 // Where the points are on the map, on its coarsest level, whose cells are larger than the noise.
 void ScanMatcher::touch(const GridMap& map, const Pose& pose) {
-  const Eigen::Isometry2d to_map = Eigen::Translation2d(pose.head<2>()) * Eigen::Rotation2Dd(pose.z());
+  const Eigen::Isometry2d to_map = isometry(pose);
   beams_.on_free = 0;
   beams_.on_occupied.assign(beams_.count, false);
   for (std::size_t i = 0; i < beams_.count; ++i) {
@@ -411,9 +411,9 @@ Pose ScanMatcher::searchWindow(const GridMap& map, const Pose& guess, Cost cost)
     return sum;
   };
   const auto turnTo = [&](double angle) {
-    const Pose pose(guess.x(), guess.y(), angle);
+    const Eigen::Isometry2d to_map = isometry({guess.x(), guess.y(), angle});
     for (std::size_t i = 0; i < beams_.count; i += stride) {
-      const Eigen::Vector2d end = (transform(pose, {beams_.x[i], beams_.y[i]}) - map.origin()) * cells;
+      const Eigen::Vector2d end = (to_map * Eigen::Vector2d(beams_.x[i], beams_.y[i]) - map.origin()) * cells;
       ends[i] = end.array().floor().min(1e9).max(-1e9).cast<int>();
     }
   };

@@ -158,10 +158,17 @@ double Slam::deskew(const Scan& scan) {
   if (!options_.deskew || scan.times.empty()) return 0.0;
   const double middle = 0.5 * (scan.times.front() + scan.times.back());
   if (velocity_.isZero()) return middle;
-  for (std::size_t i = 0; i < scan.points.size(); ++i) {
-    const Pose motion = velocity_ * (scan.times[i] - middle);
-    deskewed_.points[i] = transform(motion, scan.points[i].cast<double>()).cast<float>();
-  }
+  // Eq. 3.7 for all points at once, each with the motion from the middle to its time.
+  const Eigen::Index n = scan.points.size();
+  const Eigen::Vector3f velocity = velocity_.cast<float>();
+  const Eigen::ArrayXf elapsed =
+      Eigen::Map<const Eigen::ArrayXf>(scan.times.data(), n) - static_cast<float>(middle);
+  const Eigen::ArrayXf c = (velocity.z() * elapsed).cos(), s = (velocity.z() * elapsed).sin();
+  const Eigen::Map<const Eigen::Array2Xf> from(scan.points.front().data(), 2, n);
+  Eigen::Map<Eigen::Array2Xf> to(deskewed_.points.front().data(), 2, n);
+  const auto x = from.row(0).transpose(), y = from.row(1).transpose();
+  to.row(0) = (c * x - s * y + velocity.x() * elapsed).transpose();
+  to.row(1) = (s * x + c * y + velocity.y() * elapsed).transpose();
   return middle;
 }
 

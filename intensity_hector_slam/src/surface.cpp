@@ -3,11 +3,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace intensity_hector_slam {
 namespace {
 
 constexpr std::size_t kMinPoints = 3;
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
 constexpr float kMaxTurn = 3.0f;  // between neighbours, over the angle between beams
 constexpr float kMinTexturePoints = 5.0f;
 constexpr float kMaxTexture = 100.0f;         // so that one step with hardly any noise doesn't decide
@@ -28,7 +30,7 @@ SurfacePiece fit(const Scan& scan, std::size_t begin, std::size_t end) {
     xy += d.x() * d.y();
     yy += d.y() * d.y();
   }
-  const double mean = 0.5 * (xx + yy), half = std::hypot(0.5 * (xx - yy), xy);
+  const double mean = 0.5 * (xx + yy), half = Eigen::Vector2d(0.5 * (xx - yy), xy).norm();
   const double along = mean + half, across = std::max(0.0, mean - half);
   const double angle = 0.5 * std::atan2(2.0 * xy, xx - yy);
   const Eigen::Vector2f tangent(std::cos(angle), std::sin(angle));
@@ -69,10 +71,11 @@ std::vector<SurfacePiece> surfacePieces(const Scan& scan, double length) {
   const std::size_t n = scan.points.size();
   if (n < kMinPoints) return pieces;
   // Where beams between two points have no return, nothing is known of what is there.
-  std::vector<float> turns(n - 1);
+  std::vector<float> turns(n - 1);  // tangents of the angles
   for (std::size_t i = 0; i + 1 < n; ++i) {
     const Eigen::Vector2f a = scan.points[i] - scan.origin, b = scan.points[i + 1] - scan.origin;
-    turns[i] = std::atan2(std::abs(a.x() * b.y() - a.y() * b.x()), a.dot(b));
+    const float cosine = a.dot(b);
+    turns[i] = cosine > 0.0f ? std::abs(a.x() * b.y() - a.y() * b.x()) / cosine : kInfinity;
   }
   std::vector<float> sorted = turns;
   std::nth_element(sorted.begin(), sorted.begin() + sorted.size() / 2, sorted.end());

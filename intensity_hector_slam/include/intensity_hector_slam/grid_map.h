@@ -83,9 +83,9 @@ class GridMap {
     if (!(at.x() >= 0.0 && at.y() >= 0.0 && at.x() < width_ && at.y() < height_)) return {-1, -1};
     return at.cast<int>();
   }
-  // What a scan does to cells, the strongest of all beams: in a box around it, small enough for the cache.
+  // What a scan does to cells, of which the strongest counts: in a box around it, small enough for the cache.
   struct Marks {
-    enum : std::uint8_t { kNone, kClearUnknown, kClear, kUnsureHit, kHit };
+    enum : std::uint8_t { kNone = 0, kClearUnknown = 1, kClear = 2, kUnsureHit = 4, kHit = 8 };
     using Word = std::uint64_t;  // cells of a row that are skipped at once, none marked
     Eigen::Vector2i min;         // cell
     int width = 0, height = 0;
@@ -96,6 +96,7 @@ class GridMap {
       return &values[static_cast<std::size_t>(cell.y() - min.y()) * width + cell.x() - min.x()];
     }
   };
+  class FreeCells;
   void markBeam(const Eigen::Vector2i& from, const Eigen::Vector2i& to, double clear_margin);
   void applyMarks(const MapOptions& options);
   void average(std::size_t cell, float reflectivity, int max_count);

@@ -28,9 +28,13 @@ inline Pose between(const Pose& from, const Pose& to) {
   return {c * d.x() + s * d.y(), -s * d.x() + c * d.y(), wrapAngle(to.z() - from.z())};
 }
 
-/// S_i, Eq. 3.7.
+/// S_i, Eq. 3.7: times a point.
+inline Eigen::Isometry2d isometry(const Pose& pose) {
+  return Eigen::Translation2d(pose.head<2>()) * Eigen::Rotation2Dd(pose.z());
+}
+/// The same for a single point.
 inline Eigen::Vector2d transform(const Pose& pose, const Eigen::Vector2d& point) {
-  return Eigen::Rotation2Dd(pose.z()) * point + pose.head<2>();
+  return isometry(pose) * point;
 }
 
 }  // namespace intensity_hector_slam
