@@ -107,23 +107,32 @@ ScanMatcher::ScanMatcher(const MatcherOptions& options) : options_(options) {
   options_.validate();
 }
 
-void ScanMatcher::prepare(const Scan& scan) {
+// Every 2^(levels - 1)th beam comes first, and so on, so that the first n / 2^k are evenly spread over the
+// scan.
+void ScanMatcher::prepare(const Scan& scan, int levels) {
   const std::size_t n = scan.points.size(), padded = (n + kLanes - 1) / kLanes * kLanes;
+  beams_.order.clear();
+  std::size_t step = std::size_t{1} << (levels - 1);
+  for (std::size_t i = 0; i < n; i += step) beams_.order.push_back(i);
+  for (; step > 1; step /= 2) {
+    for (std::size_t i = step / 2; i < n; i += step) beams_.order.push_back(i);
+  }
   for (auto* values : {&beams_.x, &beams_.y, &beams_.reflectivity, &beams_.known, &beams_.valid}) {
     values->assign(padded, 0.0f);
   }
   double sum = 0.0;
   std::size_t known = 0;
   for (std::size_t i = 0; i < n; ++i) {
-    beams_.x[i] = scan.points[i].x();
-    beams_.y[i] = scan.points[i].y();
+    const std::size_t beam = beams_.order[i];
+    beams_.x[i] = scan.points[beam].x();
+    beams_.y[i] = scan.points[beam].y();
     beams_.valid[i] = 1.0f;
-    if (!scan.reflectivities.empty() && std::isfinite(scan.reflectivities[i])) {
-      beams_.reflectivity[i] = scan.reflectivities[i];
+    if (!scan.reflectivities.empty() && std::isfinite(scan.reflectivities[beam])) {
+      beams_.reflectivity[i] = scan.reflectivities[beam];
       beams_.known[i] = 1.0f;
       ++known;
     }
-    sum += scan.points[i].norm();
+    sum += scan.points[beam].norm();
   }
   beams_.count = n;
   beams_.mean_range = n > 0 ? std::max(0.1, sum / n) : 1.0;
@@ -132,8 +141,8 @@ void ScanMatcher::prepare(const Scan& scan) {
 
 ScanMatcher::Linearization ScanMatcher::linearize(const GridMap& map, const Scan& scan, const Pose& pose,
                                                   Cost cost) {
-  prepare(scan);
-  return linearize(map, pose, cost);
+  prepare(scan, 1);
+  return linearize(map, pose, cost, scan.points.size());
 }
 
 // Of one kind of residuals in a cost.
@@ -144,7 +153,8 @@ float ScanMatcher::weightOf(Cost kind, Cost cost) const {
 }
 
 // Eq. 3.9 and, with 1 - M(S_i) for the residual, Hector SLAM's.
-ScanMatcher::Linearization ScanMatcher::linearize(const GridMap& map, const Pose& pose, Cost cost) const {
+ScanMatcher::Linearization ScanMatcher::linearize(const GridMap& map, const Pose& pose, Cost cost,
+                                                  std::size_t count) const {
   const float occupancy_weight = weightOf(Cost::kOccupancy, cost),
               reflectivity_weight = weightOf(Cost::kReflectivity, cost);
   // From the body's frame to coordinates in which cell (0, 0) has its centre at (0, 0): Eq. 3.7 in cells.
@@ -160,7 +170,7 @@ ScanMatcher::Linearization ScanMatcher::linearize(const GridMap& map, const Pose
   const Array4f max_u = Array4f::Constant(map.width() + 1.0f), max_v = Array4f::Constant(map.height() + 1.0f);
 
   Sums occupancy(options_.robust_kernel, options_.robust_scale), reflectivity = occupancy;
-  for (std::size_t first = 0; first < beams_.x.size(); first += kLanes) {
+  for (std::size_t first = 0; first < count; first += kLanes) {
     const Eigen::Map<const Array4f> x(&beams_.x[first]), y(&beams_.y[first]);
     const Array4f dx_dtheta = -s * x - c * y, dy_dtheta = c * x - s * y;  // of S_i, in cells
     const Array4f u = dy_dtheta + u0, v = v0 - dx_dtheta;
@@ -208,7 +218,7 @@ void ScanMatcher::touch(const GridMap& map, const Pose& pose) {
     const GridMap::Cell* cell = map.find(to_map * Eigen::Vector2d(beams_.x[i], beams_.y[i]));
     if (!cell) continue;
     beams_.on_free += GridMap::isFree(*cell);
-    beams_.on_occupied[i] = GridMap::isOccupied(*cell);
+    beams_.on_occupied[beams_.order[i]] = GridMap::isOccupied(*cell);
   }
 }
 
@@ -219,7 +229,8 @@ void ScanMatcher::touch(const GridMap& map, const Pose& pose) {
 ScanMatcher::Observability ScanMatcher::observe(const Scan& scan, const Pose& pose, Cost cost) const {
   struct Known {
     Vector3d across, along;  // J, with angles in units of length
-    double points, texture;
+    double points;
+    SurfacePiece piece;
   };
   std::vector<Known> surface;
   Matrix3d information = Matrix3d::Zero();
@@ -233,8 +244,7 @@ ScanMatcher::Observability ScanMatcher::observe(const Scan& scan, const Pose& po
       j << rotation * direction, by_angle / beams_.mean_range;
       return j;
     };
-    const Known known{jacobian(piece.normal), jacobian({piece.normal.y(), -piece.normal.x()}), points,
-                      piece.texture};
+    const Known known{jacobian(piece.normal), jacobian({piece.normal.y(), -piece.normal.x()}), points, piece};
     // Noise turns normals, which looks like information along the surface.
     information += points * (known.across * known.across.transpose() -
                              piece.normal_variance * known.along * known.along.transpose());
@@ -244,9 +254,10 @@ ScanMatcher::Observability ScanMatcher::observe(const Scan& scan, const Pose& po
   const auto textureAlong = [&](const Vector3d& v) {
     double sum = 0.0, weights = 0.0;
     for (const Known& known : surface) {
-      if (std::isnan(known.texture)) continue;
+      const double there = texture(scan, known.piece);
+      if (std::isnan(there)) continue;
       const double part = known.along.dot(v), weight = known.points * part * part;
-      sum += weight * known.texture;
+      sum += weight * there;
       weights += weight;
     }
     return weights > 0.0 ? sum / weights : 0.0;
@@ -268,12 +279,12 @@ ScanMatcher::Observability ScanMatcher::observe(const Scan& scan, const Pose& po
   return result;
 }
 
-ScanMatcher::Linearization ScanMatcher::optimize(const GridMap& map, const Observability& observability,
-                                                 double min_distance, double min_angle, Pose& pose,
-                                                 Match& match) const {
+ScanMatcher::Linearization ScanMatcher::optimize(const GridMap& map, std::size_t count,
+                                                 const Observability& observability, double min_distance,
+                                                 double min_angle, Pose& pose, Match& match) const {
   // What is projected away still is in the cost, which then doesn't tell whether a step is good.
   const int max_halvings = observability.full ? options_.max_halvings : 0;
-  Linearization at = linearize(map, pose, match.cost);
+  Linearization at = linearize(map, pose, match.cost, count);
   for (int iteration = 0; iteration < options_.max_iterations; ++iteration) {
     ++match.iterations;
     Vector3d step = Solver(at, beams_.mean_range, observability).step();
@@ -285,11 +296,11 @@ ScanMatcher::Linearization ScanMatcher::optimize(const GridMap& map, const Obser
     step /= std::max({1.0, distance / options_.max_step_distance, angle / options_.max_step_angle});
 
     Pose next_pose = pose + step;
-    Linearization next = linearize(map, next_pose, match.cost);
+    Linearization next = linearize(map, next_pose, match.cost, count);
     for (int i = 0; i < max_halvings && !(next.cost < at.cost); ++i) {
       step *= 0.5;
       next_pose = pose + step;
-      next = linearize(map, next_pose, match.cost);
+      next = linearize(map, next_pose, match.cost, count);
     }
     if (max_halvings > 0 && !(next.cost < at.cost)) break;
     const bool last = max_halvings > 0 && at.cost - next.cost < options_.min_cost_change * at.cost;
@@ -306,15 +317,17 @@ ScanMatcher::Linearization ScanMatcher::descend(const MultiMap& map, const Obser
   for (int i = map.levels() - 1; i > 0; --i) {
     const double distance =
         std::max(options_.min_step_distance, options_.coarse_step * map.level(i).resolution());
-    optimize(map.level(i), observability, distance,
+    const std::size_t count =
+        std::max(beams_.count >> i, std::min<std::size_t>(beams_.count, options_.coarse_points));
+    optimize(map.level(i), count, observability, distance,
              std::max(options_.min_step_angle, distance / beams_.mean_range), pose, match);
   }
-  return optimize(map.level(0), observability, options_.min_step_distance, options_.min_step_angle, pose,
-                  match);
+  return optimize(map.level(0), beams_.count, observability, options_.min_step_distance,
+                  options_.min_step_angle, pose, match);
 }
 
 Match ScanMatcher::match(const MultiMap& map, const Scan& scan, const Pose& guess, bool search) {
-  prepare(scan);
+  prepare(scan, map.levels());
   const GridMap& finest = map.level(0);
   const GridMap& coarsest = map.level(map.levels() - 1);
   Match match;
@@ -331,7 +344,8 @@ Match ScanMatcher::match(const MultiMap& map, const Scan& scan, const Pose& gues
     if (observability.reflectivity.isIdentity())
       at = descend(map, observability, pose, match);
     else
-      at = optimize(finest, observability, options_.min_step_distance, options_.min_step_angle, pose, match);
+      at = optimize(finest, beams_.count, observability, options_.min_step_distance, options_.min_step_angle,
+                    pose, match);
   }
   const Solver solver(at, beams_.mean_range, observability);
   match.hessian = at.occupancy.hessian + at.reflectivity.hessian;
@@ -361,8 +375,8 @@ Match ScanMatcher::match(const MultiMap& map, const Scan& scan, const Pose& gues
 double ScanMatcher::curvatureAlong(const Vector3d& v, const GridMap& map, const Match& match,
                                    const Linearization& at, const Observability& observability) const {
   const Vector3d shift = map.resolution() * Vector3d(v.x(), v.y(), v.z() / beams_.mean_range);
-  const Linearization before = linearize(map, match.pose - shift, match.cost),
-                      after = linearize(map, match.pose + shift, match.cost);
+  const Linearization before = linearize(map, match.pose - shift, match.cost, beams_.count),
+                      after = linearize(map, match.pose + shift, match.cost, beams_.count);
   const auto rise = [&](const NormalEquation Linearization::*kind, const Matrix3d& projection) {
     return (projection * v).squaredNorm() *
            ((before.*kind).cost + (after.*kind).cost - 2.0 * (at.*kind).cost);

@@ -8,7 +8,9 @@
 namespace intensity_hector_slam {
 namespace {
 
+constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 constexpr std::size_t kMinPoints = 3;
+constexpr std::size_t kMedianStride = 8;  // of the angles that the median is of
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 constexpr float kMaxTurn = 3.0f;  // between neighbours, over the angle between beams
 constexpr float kMinTexturePoints = 5.0f;
@@ -37,12 +39,19 @@ SurfacePiece fit(const Scan& scan, std::size_t begin, std::size_t end) {
   piece.centre = centre.cast<double>();
   piece.normal = {-tangent.y(), tangent.x()};
   piece.normal_variance = along > 0.0 ? across / ((n - 2.0) * along) : 1.0;
+  return piece;
+}
 
+}  // namespace
+
+double texture(const Scan& scan, const SurfacePiece& piece) {
+  const Eigen::Vector2f centre = piece.centre.cast<float>();
+  const Eigen::Vector2f tangent(piece.normal.y(), -piece.normal.x());
   const Eigen::Vector2f beam = (centre - scan.origin).normalized();
   const double incidence_cosine = std::abs(piece.normal.dot(beam.cast<double>()));
-  if (scan.reflectivities.empty() || incidence_cosine < kMinIncidenceCosine) return piece;
+  if (scan.reflectivities.empty() || incidence_cosine < kMinIncidenceCosine) return kUnknown;
   float m = 0.0f, s = 0.0f, ss = 0.0f, r = 0.0f, sr = 0.0f, differences = 0.0f, pairs = 0.0f;
-  for (std::size_t i = begin; i < end; ++i) {
+  for (std::size_t i = piece.begin; i < piece.end; ++i) {
     const float value = scan.reflectivities[i];
     if (!std::isfinite(value)) continue;
     const float at = tangent.dot(scan.points[i] - centre);
@@ -51,20 +60,17 @@ SurfacePiece fit(const Scan& scan, std::size_t begin, std::size_t end) {
     ss += at * at;
     r += value;
     sr += at * value;
-    if (i + 1 < end && std::isfinite(scan.reflectivities[i + 1])) {
+    if (i + 1 < piece.end && std::isfinite(scan.reflectivities[i + 1])) {
       const float difference = scan.reflectivities[i + 1] - value;
       differences += difference * difference;
       pairs += 1.0f;
     }
   }
-  if (m < kMinTexturePoints || pairs < 0.5f * m) return piece;
+  if (m < kMinTexturePoints || pairs < 0.5f * m) return kUnknown;
   const float variance = ss - s * s / m, covariance = sr - s * r / m;
   const float noise = 0.5f * differences / pairs;  // of successive differences, that texture is hardly in
-  piece.texture = std::min(kMaxTexture, covariance * covariance / std::max(1e-9f, variance * noise));
-  return piece;
+  return std::min(kMaxTexture, covariance * covariance / std::max(1e-9f, variance * noise));
 }
-
-}  // namespace
 
 std::vector<SurfacePiece> surfacePieces(const Scan& scan, double length) {
   std::vector<SurfacePiece> pieces;
@@ -77,7 +83,8 @@ std::vector<SurfacePiece> surfacePieces(const Scan& scan, double length) {
     const float cosine = a.dot(b);
     turns[i] = cosine > 0.0f ? std::abs(a.x() * b.y() - a.y() * b.x()) / cosine : kInfinity;
   }
-  std::vector<float> sorted = turns;
+  std::vector<float> sorted;
+  for (std::size_t i = 0; i < turns.size(); i += kMedianStride) sorted.push_back(turns[i]);
   std::nth_element(sorted.begin(), sorted.begin() + sorted.size() / 2, sorted.end());
   const float max_turn = kMaxTurn * sorted[sorted.size() / 2];
 

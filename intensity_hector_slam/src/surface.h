@@ -2,7 +2,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <limits>
 #include <vector>
 
 #include "intensity_hector_slam/scan.h"
@@ -16,13 +15,14 @@ struct SurfacePiece {
   Eigen::Vector2d centre;          ///< m, frame of the body
   Eigen::Vector2d normal;          ///< unit vector
   double normal_variance = 0.0;    ///< rad^2, of the normal's direction by the noise of the points
-  /// Square of the reflectivity's slope along the line, over what noise alone gives on the average: about 1
-  /// without any texture. NaN: not known.
-  double texture = std::numeric_limits<double>::quiet_NaN();
 };
 
 /// Cuts a scan into pieces, and leaves out single points.
 /// @param length m, about; pieces of sparse scans are longer, as they have three points at least
 std::vector<SurfacePiece> surfacePieces(const Scan& scan, double length);
+
+/// Square of the reflectivity's slope along a piece, over what noise alone gives on the average: about 1
+/// without any texture. NaN: not known.
+double texture(const Scan& scan, const SurfacePiece& piece);
 
 }  // namespace intensity_hector_slam

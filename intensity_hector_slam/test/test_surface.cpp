@@ -42,9 +42,10 @@ TEST(Surface, TextureIsWhatNoiseDoesNotExplain) {
     double sum = 0.0;
     int count = 0;
     for (unsigned seed = 1; seed <= 10; ++seed) {
-      for (const SurfacePiece& piece : surfacePieces(look({wall}, Pose::Zero(), noisy(), seed), 0.5)) {
-        if (std::isnan(piece.texture)) continue;
-        sum += piece.texture;
+      const Scan scan = look({wall}, Pose::Zero(), noisy(), seed);
+      for (const SurfacePiece& piece : surfacePieces(scan, 0.5)) {
+        if (std::isnan(texture(scan, piece))) continue;
+        sum += texture(scan, piece);
         ++count;
       }
     }
@@ -59,11 +60,11 @@ TEST(Surface, TextureIsUnknownWithoutReflectivityAndAtGrazingAngles) {
   Scan scan = look(wall, Pose::Zero(), noisy());
   for (const SurfacePiece& piece : surfacePieces(scan, 0.5)) {
     if (piece.centre.x() > 3.0) {
-      EXPECT_TRUE(std::isnan(piece.texture));
+      EXPECT_TRUE(std::isnan(texture(scan, piece)));
     }
   }
   scan.reflectivities.clear();
-  for (const SurfacePiece& piece : surfacePieces(scan, 0.5)) EXPECT_TRUE(std::isnan(piece.texture));
+  for (const SurfacePiece& piece : surfacePieces(scan, 0.5)) EXPECT_TRUE(std::isnan(texture(scan, piece)));
 }
 
 TEST(Surface, FewPointsAreNone) {

@@ -56,6 +56,7 @@ class ScanMatcher {
  private:
   struct Beams {  // the scan for the inner loop, filled up with invalid beams
     std::vector<float> x, y, reflectivity, known, valid;
+    std::vector<std::size_t> order;  // of the scan's points, that each beam is
     std::size_t count = 0;
     double mean_range = 1.0, share_known = 0.0;
     std::vector<bool> on_occupied;  // whether each is in an occupied cell, see touch
@@ -69,8 +70,9 @@ class ScanMatcher {
   };
   class Solver;
 
-  void prepare(const Scan& scan);
-  Linearization linearize(const GridMap& map, const Pose& pose, Cost cost) const;
+  void prepare(const Scan& scan, int levels);
+  /// Over the first beams.
+  Linearization linearize(const GridMap& map, const Pose& pose, Cost cost, std::size_t count) const;
   void touch(const GridMap& map, const Pose& pose);
   Observability observe(const Scan& scan, const Pose& pose, Cost cost) const;
   double curvatureAlong(const Eigen::Vector3d& v, const GridMap& map, const Match& match,
@@ -81,8 +83,8 @@ class ScanMatcher {
   /// Both move the pose, and return the cost where the last step starts, on the finest level.
   Linearization descend(const MultiMap& map, const Observability& observability, Pose& pose,
                         Match& match) const;
-  Linearization optimize(const GridMap& map, const Observability& observability, double min_distance,
-                         double min_angle, Pose& pose, Match& match) const;
+  Linearization optimize(const GridMap& map, std::size_t count, const Observability& observability,
+                         double min_distance, double min_angle, Pose& pose, Match& match) const;
 
   MatcherOptions options_;
   Beams beams_;
