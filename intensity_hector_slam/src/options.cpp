@@ -69,6 +69,7 @@ void MatcherOptions::validate() const {
   require("min_step_angle", min_step_angle, 0.0, max_step_angle);
   require("coarse_step", coarse_step, 0.0, 1.0);
   require("min_cost_change", min_cost_change, 0.0, 1.0);
+  require("coarse_points", coarse_points, 1, 1e6);
   require("surface_length", surface_length, 1e-3, 100.0);
   require("min_observability", min_observability, 0.0, 1.0);
   require("min_texture", min_texture, 0.0, 1e9);

@@ -79,6 +79,7 @@ TEST(Parameters, AreThoseOfTheFileThatShips) {
                                m.min_step_angle,
                                m.coarse_step,
                                m.min_cost_change,
+                               double(m.coarse_points),
                                m.surface_length,
                                m.min_observability,
                                m.min_texture,

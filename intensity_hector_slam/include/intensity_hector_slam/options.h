@@ -127,8 +127,8 @@ struct SlamOptions {
   Guess guess = Guess::kOdometry;
   bool localization = false;     ///< true: the map stays as it is
   bool deskew = true;            ///< true: points are moved to where they are seen from at the scan's stamp
-  double update_distance = 0.1;  ///< m, travelled before another scan goes into the map
-  double update_angle = 0.1;     ///< rad, or turned
+  double update_distance = 0.4;  ///< m, travelled before another scan goes into the map
+  double update_angle = 0.9;     ///< rad, or turned
   double update_period = 0.5;    ///< s, or that went by: what moves on isn't left in the map of who stands
   int min_points = 20;           ///< a scan with fewer is empty
   double max_contradiction =

@@ -56,6 +56,7 @@ void readMatcher(mapping_common::Parameters& p, MatcherOptions& o) {
   o.min_step_angle = p.get("min_step_angle", o.min_step_angle);
   o.coarse_step = p.get("coarse_step", o.coarse_step);
   o.min_cost_change = p.get("min_cost_change", o.min_cost_change);
+  o.coarse_points = p.get("coarse_points", o.coarse_points);
   o.surface_length = p.get("surface_length", o.surface_length);
   o.min_observability = p.get("min_observability", o.min_observability);
   o.min_texture = p.get("min_texture", o.min_texture);
