@@ -101,6 +101,7 @@ void GridMap::update(const Scan& scan, const Pose& pose, const MapOptions& optio
     if (contains(ends_[i])) box.extend(ends_[i]);
   }
   marks_.reset(box);
+  touched_.extend(box);
   for (std::size_t i = 0; i < ends_.size(); ++i) {
     if (!contains(ends_[i])) continue;
     // Neighbouring beams that end in one cell cross the same cells.
@@ -188,6 +189,17 @@ void GridMap::markBeam(const Eigen::Vector2i& from, const Eigen::Vector2i& to, d
   clear(length - unsure, length, Marks::kClearUnknown);
 }
 
+// No more than what was touched: a large map is much slower to fill than a scan.
+void GridMap::clear() {
+  if (touched_.isEmpty()) return;
+  const std::size_t columns = touched_.sizes().x() + 1;
+  for (int y = touched_.min().y(); y <= touched_.max().y(); ++y) {
+    std::fill_n(&cells_[index(touched_.min().x(), y)], columns, Cell{});
+    std::fill_n(&counts_[index(touched_.min().x(), y)], columns, 0);
+  }
+  touched_.setEmpty();
+}
+
 void GridMap::grow(int left, int right, int below, int above) {
   GridMap grown(resolution_, origin_ - resolution_ * Eigen::Vector2d(left, below), width_ + left + right,
                 height_ + below + above);
@@ -196,18 +208,21 @@ void GridMap::grow(int left, int right, int below, int above) {
     std::copy_n(&cells_[from], width_, &grown.cells_[to]);
     std::copy_n(&counts_[from], width_, &grown.counts_[to]);
   }
+  if (!touched_.isEmpty()) grown.touched_ = touched_.translated(Eigen::Vector2i(left, below));
   *this = std::move(grown);
 }
 
 void GridMap::set(int x, int y, const Cell& cell, std::uint16_t count) {
+  touched_.extend(Eigen::Vector2i(x, y));
   cells_[index(x, y)] = cell;
   counts_[index(x, y)] = count;
 }
 
 Eigen::AlignedBox2i GridMap::knownCells() const {
   Eigen::AlignedBox2i box;
-  for (int y = 0; y < height_; ++y) {
-    for (int x = 0; x < width_; ++x) {
+  if (touched_.isEmpty()) return box;
+  for (int y = touched_.min().y(); y <= touched_.max().y(); ++y) {
+    for (int x = touched_.min().x(); x <= touched_.max().x(); ++x) {
       if (isKnown(cell(x, y))) box.extend(Eigen::Vector2i(x, y));
     }
   }

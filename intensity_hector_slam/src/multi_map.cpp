@@ -8,21 +8,20 @@ namespace intensity_hector_slam {
 
 MultiMap::MultiMap(const MapOptions& options) : options_(options) {
   options_.validate();
-  clear();
-}
-
-void MultiMap::clear() {
   // All levels have the same borders: sizes are whole cells of the coarsest.
   const double coarsest = options_.resolution * (1 << (options_.levels - 1));
   const int width = std::max(2, static_cast<int>(std::lround(options_.size_x / coarsest)));
   const int height = std::max(2, static_cast<int>(std::lround(options_.size_y / coarsest)));
   const Eigen::Vector2d min(-coarsest * std::round(options_.start_x * width),
                             -coarsest * std::round(options_.start_y * height));
-  levels_.clear();
   for (int i = 0; i < options_.levels; ++i) {
     const int scale = 1 << (options_.levels - 1 - i);
     levels_.emplace_back(coarsest / scale, min, width * scale, height * scale);
   }
+}
+
+void MultiMap::clear() {
+  for (GridMap& level : levels_) level.clear();
   updates_ = 0;
 }
 

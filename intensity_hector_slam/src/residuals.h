@@ -36,6 +36,10 @@ class Sums {
     weights_ += w;
   }
 
+  // The cost alone.
+  void add(const Eigen::Array4f& e, const Eigen::Array4f& mask) { weigh(e * mask); }
+  double cost() const { return (cost_ + scale_ * scale_ * product_.log()).sum(); }
+
   // From cells to metres: derivatives by the angle are per radian already.
   ScanMatcher::NormalEquation addTo(ScanMatcher::Linearization& total, double weight,
                                     double cells_per_metre) {
@@ -43,7 +47,7 @@ class Sums {
     total.weights += weight * weights_.sum();
     const double m = weight * cells_per_metre, mm = m * cells_per_metre;
     ScanMatcher::NormalEquation equation;
-    equation.cost = weight * (cost_ + scale_ * scale_ * product_.log()).sum();
+    equation.cost = weight * cost();
     total.cost += equation.cost;
     equation.hessian << mm * xx_.sum(), mm * xy_.sum(), m * xt_.sum(),  //
         mm * xy_.sum(), mm * yy_.sum(), m * yt_.sum(),                  //
@@ -64,9 +68,9 @@ class Sums {
       }
       case RobustKernel::kCauchy: {
         // s^2 log(1 + (e / s)^2); the logarithm of a product is quicker than one for each residual.
-        const Eigen::Array4f factor = 1.0f + relative.min(1e9f);
+        const Eigen::Array4f factor = 1.0f + relative.min(1e4f);
         product_ *= factor;
-        if (++factors_ % 4 == 0) {  // before it overflows
+        if (++factors_ % 8 == 0) {  // before it overflows
           cost_ += scale_ * scale_ * product_.log();
           product_.setOnes();
         }

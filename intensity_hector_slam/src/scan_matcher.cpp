@@ -28,6 +28,10 @@ Eigen::Matrix4f gather(const std::array<const GridMap::Cell*, kLanes>& cells) {
   return values;
 }
 
+Eigen::Map<const Array4f> lanes(const std::vector<float>& values, std::size_t first) {
+  return Eigen::Map<const Array4f>(&values[first]);
+}
+
 using EigenSolver = Eigen::SelfAdjointEigenSolver<Matrix3d>;
 
 // With angles in units of length, so that eigenvalues compare.
@@ -84,7 +88,9 @@ class ScanMatcher::Solver {
     Matrix3d sum = Matrix3d::Zero();
     for (int i = 0; i < 3; ++i) {
       const Vector3d v = solver_.eigenvectors().col(i);
-      const double h = solver_.eigenvalues()[i], c = i == 3 - observable_ ? std::min(h, curvature) : h;
+      const bool weakest = i == 3 - observable_;
+      const double h = std::max(solver_.eigenvalues()[i], weakest ? kPlateau * curvature : 0.0);
+      const double c = weakest ? std::min(h, curvature) : h;
       const double prior = v.dot(prior_variances.cwiseQuotient(unit_.cwiseAbs2()).asDiagonal() * v);
       const bool observed = i >= 3 - observable_ && c > 0.0;
       const double variance = observed ? sigma_squared * h / (c * c) + floor_squared : prior;
@@ -95,6 +101,7 @@ class ScanMatcher::Solver {
 
  private:
   static constexpr double kSingular = 1e-6;  // of the greatest eigenvalue: what was projected away
+  static constexpr double kPlateau = 1e-3;   // of the curvature: with less, H tells of a flat bit of the map
 
   Vector3d unit_;
   Matrix3d hessian_ = Matrix3d::Zero();
@@ -152,11 +159,11 @@ float ScanMatcher::weightOf(Cost kind, Cost cost) const {
                                                      : options_.reflectivity_weight);
 }
 
-// Eq. 3.9 and, with 1 - M(S_i) for the residual, Hector SLAM's.
-ScanMatcher::Linearization ScanMatcher::linearize(const GridMap& map, const Pose& pose, Cost cost,
-                                                  std::size_t count) const {
-  const float occupancy_weight = weightOf(Cost::kOccupancy, cost),
-              reflectivity_weight = weightOf(Cost::kReflectivity, cost);
+// The first beams, kLanes at a time, with both channels of the map where they end.
+// @param use called with the index of the first, the map's values and the derivatives of S_i by the angle, in
+// cells
+template <class Use>
+void ScanMatcher::forBeams(const GridMap& map, const Pose& pose, std::size_t count, const Use& use) const {
   // From the body's frame to coordinates in which cell (0, 0) has its centre at (0, 0): Eq. 3.7 in cells.
   const double cells = 1.0 / map.resolution();
   const float c = cells * std::cos(pose.z()), s = cells * std::sin(pose.z());
@@ -168,16 +175,12 @@ ScanMatcher::Linearization ScanMatcher::linearize(const GridMap& map, const Pose
   const unsigned columns = map.width() - 1, rows = map.height() - 1;  // that have another after them
   // So that conversion to int rounds down what is just outside; far outside stays outside.
   const Array4f max_u = Array4f::Constant(map.width() + 1.0f), max_v = Array4f::Constant(map.height() + 1.0f);
-
-  Sums occupancy(options_.robust_kernel, options_.robust_scale), reflectivity = occupancy;
   for (std::size_t first = 0; first < count; first += kLanes) {
     const Eigen::Map<const Array4f> x(&beams_.x[first]), y(&beams_.y[first]);
-    const Array4f dx_dtheta = -s * x - c * y, dy_dtheta = c * x - s * y;  // of S_i, in cells
+    const Array4f dx_dtheta = -s * x - c * y, dy_dtheta = c * x - s * y;
     const Array4f u = dy_dtheta + u0, v = v0 - dx_dtheta;
     const Array4f u1 = (u + 1.0f).max(0.0f).min(max_u), v1 = (v + 1.0f).max(0.0f).min(max_v);
-    Eigen::Array4i column, row;  // rounded down from -1 on
-    for (int i = 0; i < kLanes; ++i) column[i] = static_cast<int>(u1[i]) - 1;
-    for (int i = 0; i < kLanes; ++i) row[i] = static_cast<int>(v1[i]) - 1;
+    const Eigen::Array4i column = u1.cast<int>() - 1, row = v1.cast<int>() - 1;  // rounded down from -1 on
     std::array<const GridMap::Cell*, kLanes> lower, upper;
     for (int i = 0; i < kLanes; ++i) {
       const bool inside = static_cast<unsigned>(column[i]) < columns && static_cast<unsigned>(row[i]) < rows;
@@ -189,24 +192,44 @@ ScanMatcher::Linearization ScanMatcher::linearize(const GridMap& map, const Pose
     const auto interpolate = [&](int k) {
       return Bilinear<Array4f>(low.col(k), low.col(k + 2), high.col(k), high.col(k + 2), fx, fy);
     };
-    if (occupancy_weight > 0.0f) {
-      const Bilinear<Array4f> m = interpolate(0);
-      const Array4f e = 1.0f - m.value;
-      occupancy.add(e, m.dx, m.dy, m.dx * dx_dtheta + m.dy * dy_dtheta,
-                    Eigen::Map<const Array4f>(&beams_.valid[first]));
-    }
-    if (reflectivity_weight > 0.0f) {
-      const Bilinear<Array4f> r = interpolate(1);
-      const Array4f e = Eigen::Map<const Array4f>(&beams_.reflectivity[first]) - r.value;
-      reflectivity.add(e, r.dx, r.dy, r.dx * dx_dtheta + r.dy * dy_dtheta,
-                       Eigen::Map<const Array4f>(&beams_.known[first]));
-    }
+    use(first, interpolate(0), interpolate(1), dx_dtheta, dy_dtheta);
   }
+}
 
+// Eq. 3.9 and, with 1 - M(S_i) for the residual, Hector SLAM's.
+ScanMatcher::Linearization ScanMatcher::linearize(const GridMap& map, const Pose& pose, Cost cost,
+                                                  std::size_t count) const {
+  const float occupancy_weight = weightOf(Cost::kOccupancy, cost),
+              reflectivity_weight = weightOf(Cost::kReflectivity, cost);
+  Sums occupancy(options_.robust_kernel, options_.robust_scale), reflectivity = occupancy;
+  forBeams(map, pose, count,
+           [&](std::size_t first, const auto& m, const auto& r, const auto& dx, const auto& dy) {
+             if (occupancy_weight > 0.0f) {
+               occupancy.add(1.0f - m.value, m.dx, m.dy, m.dx * dx + m.dy * dy, lanes(beams_.valid, first));
+             }
+             if (reflectivity_weight > 0.0f) {
+               reflectivity.add(lanes(beams_.reflectivity, first) - r.value, r.dx, r.dy,
+                                r.dx * dx + r.dy * dy, lanes(beams_.known, first));
+             }
+           });
   Linearization result;
+  const double cells = 1.0 / map.resolution();
   result.occupancy = occupancy.addTo(result, occupancy_weight, cells);
   result.reflectivity = reflectivity.addTo(result, reflectivity_weight, cells);
   return result;
+}
+
+// Of both kinds of residuals.
+Eigen::Vector2d ScanMatcher::costs(const GridMap& map, const Pose& pose, Cost cost) const {
+  Sums occupancy(options_.robust_kernel, options_.robust_scale), reflectivity = occupancy;
+  const Eigen::Vector2d weights(weightOf(Cost::kOccupancy, cost), weightOf(Cost::kReflectivity, cost));
+  forBeams(map, pose, beams_.count,
+           [&](std::size_t first, const auto& m, const auto& r, const auto&, const auto&) {
+             if (weights[0] > 0.0) occupancy.add(1.0f - m.value, lanes(beams_.valid, first));
+             if (weights[1] > 0.0)
+               reflectivity.add(lanes(beams_.reflectivity, first) - r.value, lanes(beams_.known, first));
+           });
+  return {weights[0] * occupancy.cost(), weights[1] * reflectivity.cost()};
 }
 
 // Where the points are on the map, on its coarsest level, whose cells are larger than the noise.
@@ -375,15 +398,12 @@ Match ScanMatcher::match(const MultiMap& map, const Scan& scan, const Pose& gues
 double ScanMatcher::curvatureAlong(const Vector3d& v, const GridMap& map, const Match& match,
                                    const Linearization& at, const Observability& observability) const {
   const Vector3d shift = map.resolution() * Vector3d(v.x(), v.y(), v.z() / beams_.mean_range);
-  const Linearization before = linearize(map, match.pose - shift, match.cost, beams_.count),
-                      after = linearize(map, match.pose + shift, match.cost, beams_.count);
-  const auto rise = [&](const NormalEquation Linearization::*kind, const Matrix3d& projection) {
-    return (projection * v).squaredNorm() *
-           ((before.*kind).cost + (after.*kind).cost - 2.0 * (at.*kind).cost);
-  };
-  return (rise(&Linearization::occupancy, observability.occupancy) +
-          rise(&Linearization::reflectivity, observability.reflectivity)) /
-         (map.resolution() * map.resolution());
+  const Eigen::Vector2d rise = costs(map, match.pose - shift, match.cost) +
+                               costs(map, match.pose + shift, match.cost) -
+                               2.0 * Eigen::Vector2d(at.occupancy.cost, at.reflectivity.cost);
+  const Eigen::Vector2d share((observability.occupancy * v).squaredNorm(),
+                              (observability.reflectivity * v).squaredNorm());
+  return share.dot(rise) / (map.resolution() * map.resolution());
 }
 
 // Reflectivity needs normals, and so dense points (section 3.6).

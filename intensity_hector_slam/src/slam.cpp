@@ -49,7 +49,7 @@ void Slam::setPose(const Pose& pose) {
 }
 
 void Slam::reset(const Pose& pose) {
-  map_.clear();
+  map_ = MultiMap(options_.map);
   setPose(pose);
 }
 

@@ -65,11 +65,15 @@ class GridMap {
   /// around is occupied.
   bool isOpen(const Eigen::Vector2d& point, double sure_free) const;
 
+  /// Forgets all cells.
+  void clear();
   /// Adds cells at the borders, 0 or more.
   void grow(int left, int right, int below, int above);
 
   /// Sets all of a cell.
   void set(int x, int y, const Cell& cell, std::uint16_t count);
+  /// A box of cells outside which nothing was ever observed; empty at the start.
+  const Eigen::AlignedBox2i& touched() const { return touched_; }
   /// The smallest box of cells with all that are known; empty without any.
   Eigen::AlignedBox2i knownCells() const;
 
@@ -106,6 +110,7 @@ class GridMap {
   int width_ = 0, height_ = 0;
   std::vector<Cell> cells_;
   std::vector<std::uint16_t> counts_;
+  Eigen::AlignedBox2i touched_;
   Marks marks_;
   std::vector<Eigen::Vector2i> ends_;  // cells of the scan's points
 };

@@ -24,6 +24,7 @@ class MultiMap {
   /// What appears where space was surely free (MapOptions::sure_free) weighs as little as a beam that crosses
   /// it: what moves doesn't get into the map, what stays does.
   void update(const Scan& scan, const Pose& pose);
+  /// Forgets all cells. The size stays.
   void clear();
 
   /// Writes all levels to a file: magic, version, options, known cells, checksum.

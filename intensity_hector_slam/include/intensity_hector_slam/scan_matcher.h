@@ -73,6 +73,9 @@ class ScanMatcher {
   void prepare(const Scan& scan, int levels);
   /// Over the first beams.
   Linearization linearize(const GridMap& map, const Pose& pose, Cost cost, std::size_t count) const;
+  template <class Use>
+  void forBeams(const GridMap& map, const Pose& pose, std::size_t count, const Use& use) const;
+  Eigen::Vector2d costs(const GridMap& map, const Pose& pose, Cost cost) const;
   void touch(const GridMap& map, const Pose& pose);
   Observability observe(const Scan& scan, const Pose& pose, Cost cost) const;
   double curvatureAlong(const Eigen::Vector3d& v, const GridMap& map, const Match& match,

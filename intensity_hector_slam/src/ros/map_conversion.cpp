@@ -10,8 +10,11 @@
 namespace intensity_hector_slam {
 namespace {
 
-template <class In, class Value>
-nav_msgs::OccupancyGrid toGrid(const GridMap& map, const std::vector<In>& in, const Value& value) {
+constexpr std::int8_t kUnknown = -1;
+
+// @param value of the cell in a column and a row; not called where nothing was observed
+template <class Value>
+nav_msgs::OccupancyGrid toGrid(const GridMap& map, const Value& value) {
   nav_msgs::OccupancyGrid grid;
   grid.info.resolution = static_cast<float>(map.resolution());
   grid.info.width = map.width();
@@ -19,28 +22,30 @@ nav_msgs::OccupancyGrid toGrid(const GridMap& map, const std::vector<In>& in, co
   grid.info.origin.position.x = map.origin().x();
   grid.info.origin.position.y = map.origin().y();
   grid.info.origin.orientation.w = 1.0;
-  grid.data.resize(in.size());
-  std::transform(in.begin(), in.end(), grid.data.begin(), value);
+  grid.data.assign(map.cells().size(), kUnknown);
+  const Eigen::AlignedBox2i& box = map.touched();
+  for (int y = box.min().y(); !box.isEmpty() && y <= box.max().y(); ++y) {
+    std::int8_t* const row = &grid.data[static_cast<std::size_t>(y) * map.width()];
+    for (int x = box.min().x(); x <= box.max().x(); ++x) row[x] = value(x, y);
+  }
   return grid;
 }
 
 }  // namespace
 
 nav_msgs::OccupancyGrid toOccupancyGrid(const GridMap& map) {
-  return toGrid(map, map.cells(), [](const GridMap::Cell& cell) -> std::int8_t {
-    return GridMap::isKnown(cell) ? (GridMap::isOccupied(cell) ? 100 : 0) : -1;
+  return toGrid(map, [&map](int x, int y) -> std::int8_t {
+    const GridMap::Cell& cell = map.cell(x, y);
+    return GridMap::isKnown(cell) ? (GridMap::isOccupied(cell) ? 100 : 0) : kUnknown;
   });
 }
 
 nav_msgs::OccupancyGrid toReflectivityGrid(const GridMap& map) {
-  nav_msgs::OccupancyGrid grid =
-      toGrid(map, map.counts(), [](std::uint16_t count) -> std::int8_t { return count > 0 ? 0 : -1; });
-  for (std::size_t i = 0; i < grid.data.size(); ++i) {
-    if (grid.data[i] < 0) continue;
-    grid.data[i] =
-        static_cast<std::int8_t>(std::lround(100.0f * std::clamp(map.cells()[i].reflectivity, 0.0f, 1.0f)));
-  }
-  return grid;
+  return toGrid(map, [&map](int x, int y) -> std::int8_t {
+    if (map.count(x, y) == 0) return kUnknown;
+    return static_cast<std::int8_t>(
+        std::lround(100.0f * std::clamp(map.cell(x, y).reflectivity, 0.0f, 1.0f)));
+  });
 }
 
 mapping_msgs::EdgeConstraint toMessage(const Edge& edge, const std::string& map_frame,
