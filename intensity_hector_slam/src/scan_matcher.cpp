@@ -234,14 +234,17 @@ Eigen::Vector2d ScanMatcher::costs(const GridMap& map, const Pose& pose, Cost co
 
 // Where the points are on the map, on its coarsest level, whose cells are larger than the noise.
 void ScanMatcher::touch(const GridMap& map, const Pose& pose) {
-  const Eigen::Isometry2d to_map = isometry(pose);
+  const double cells = 1.0 / map.resolution();
+  const float c = cells * std::cos(pose.z()), s = cells * std::sin(pose.z());
+  const float u0 = cells * (pose.x() - map.origin().x()), v0 = cells * (pose.y() - map.origin().y());
   beams_.on_free = 0;
-  beams_.on_occupied.assign(beams_.count, false);
+  beams_.on_occupied.assign(beams_.count, 0);
   for (std::size_t i = 0; i < beams_.count; ++i) {
-    const GridMap::Cell* cell = map.find(to_map * Eigen::Vector2d(beams_.x[i], beams_.y[i]));
-    if (!cell) continue;
-    beams_.on_free += GridMap::isFree(*cell);
-    beams_.on_occupied[beams_.order[i]] = GridMap::isOccupied(*cell);
+    const float u = c * beams_.x[i] - s * beams_.y[i] + u0, v = s * beams_.x[i] + c * beams_.y[i] + v0;
+    if (!(u >= 0.0f && v >= 0.0f && u < map.width() && v < map.height())) continue;
+    const GridMap::Cell& cell = map.cell(static_cast<int>(u), static_cast<int>(v));
+    beams_.on_free += GridMap::isFree(cell);
+    beams_.on_occupied[beams_.order[i]] = GridMap::isOccupied(cell);
   }
 }
 
@@ -260,7 +263,7 @@ ScanMatcher::Observability ScanMatcher::observe(const Scan& scan, const Pose& po
   const Eigen::Rotation2Dd rotation(pose.z());
   for (const SurfacePiece& piece : surfacePieces(scan, options_.surface_length)) {
     const auto occupied = beams_.on_occupied.begin();
-    const double points = std::count(occupied + piece.begin, occupied + piece.end, true);
+    const double points = std::count(occupied + piece.begin, occupied + piece.end, 1);
     const auto jacobian = [&](const Eigen::Vector2d& direction) {
       const double by_angle = direction.y() * piece.centre.x() - direction.x() * piece.centre.y();
       Vector3d j;
@@ -388,7 +391,7 @@ Match ScanMatcher::match(const MultiMap& map, const Scan& scan, const Pose& gues
   if (!observability.full) touch(coarsest, match.pose);
   const double n = std::max<std::size_t>(1, beams_.count);
   match.contradiction = beams_.on_free / n;
-  match.overlap = std::count(beams_.on_occupied.begin(), beams_.on_occupied.end(), true) / n;
+  match.overlap = std::count(beams_.on_occupied.begin(), beams_.on_occupied.end(), 1) / n;
   return match;
 }
 

@@ -32,10 +32,13 @@ SurfacePiece fit(const Scan& scan, std::size_t begin, std::size_t end) {
     xy += d.x() * d.y();
     yy += d.y() * d.y();
   }
-  const double mean = 0.5 * (xx + yy), half = Eigen::Vector2d(0.5 * (xx - yy), xy).norm();
+  // The eigenvalues and the first eigenvector of [xx xy; xy yy].
+  const Eigen::Vector2d difference(0.5 * (xx - yy), xy);
+  const double mean = 0.5 * (xx + yy), half = difference.norm();
   const double along = mean + half, across = std::max(0.0, mean - half);
-  const double angle = 0.5 * std::atan2(2.0 * xy, xx - yy);
-  const Eigen::Vector2f tangent(std::cos(angle), std::sin(angle));
+  Eigen::Vector2d tangent(half + difference.x(), difference.y());
+  if (difference.x() < 0.0) tangent = {difference.y(), half - difference.x()};
+  tangent = half > 0.0 ? tangent.normalized() : Eigen::Vector2d::UnitX();
   piece.centre = centre.cast<double>();
   piece.normal = {-tangent.y(), tangent.x()};
   piece.normal_variance = along > 0.0 ? across / ((n - 2.0) * along) : 1.0;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstdint>
 #include <vector>
 
 #include "intensity_hector_slam/multi_map.h"
@@ -59,7 +60,7 @@ class ScanMatcher {
     std::vector<std::size_t> order;  // of the scan's points, that each beam is
     std::size_t count = 0;
     double mean_range = 1.0, share_known = 0.0;
-    std::vector<bool> on_occupied;  // whether each is in an occupied cell, see touch
+    std::vector<std::uint8_t> on_occupied;  // whether each of the scan's points is, see touch
     std::size_t on_free = 0;
   };
 
