@@ -101,6 +101,8 @@ void SlamOptions::validate() const {
   require("max_contradiction", max_contradiction, 0.0, 1.0);
   require("max_correction_distance", max_correction_distance, 0.0, 1e6);
   require("max_correction_angle", max_correction_angle, 0.0, 2.0 * M_PI);
+  require("max_speed", max_speed, 1e-3, 1e9);
+  require("max_turn_rate", max_turn_rate, 1e-3, 1e9);
   require("max_acceleration", max_acceleration, 1e-3, 1e9);
   require("max_angular_acceleration", max_angular_acceleration, 1e-3, 1e9);
   require("max_gap", max_gap, 0.0, 1e9);

@@ -12,6 +12,8 @@ std::string toString(Status status) {
   switch (status) {
     case Status::kStarted:
       return "started";
+    case Status::kGiven:
+      return "given";
     case Status::kMatched:
       return "matched";
     case Status::kUnobservable:
@@ -59,13 +61,17 @@ void Slam::setMap(MultiMap map, const Pose& pose) {
   setPose(pose);
 }
 
-SlamResult Slam::process(const Scan& scan, const std::optional<Pose>& odometry) {
+void Slam::check(const Scan& scan) const {
   if (!scan.reflectivities.empty() && scan.reflectivities.size() != scan.points.size()) {
     throw std::invalid_argument("a scan has another number of reflectivities than of points");
   }
   if (!scan.times.empty() && scan.times.size() != scan.points.size()) {
     throw std::invalid_argument("a scan has another number of times than of points");
   }
+}
+
+SlamResult Slam::process(const Scan& scan, const std::optional<Pose>& odometry) {
+  check(scan);
   SlamResult result;
   predict(scan.stamp, odometry, result);
   if (static_cast<int>(scan.points.size()) < options_.min_points) {
@@ -73,7 +79,7 @@ SlamResult Slam::process(const Scan& scan, const std::optional<Pose>& odometry) 
     result.pose = result.guess;
     result.covariance = unknownCovariance();
   } else {
-    const bool unsure = isUnsure(scan.stamp, odometry && last_odometry_, result);
+    const bool unsure = isUnsure(scan.stamp, odometry && last_odometry_ && !result.odometry_jumped, result);
     const Pose guess = result.guess;
     follow(scan, unsure, result);
     if (result.status == Status::kStarted && options_.deskew && !scan.times.empty()) {
@@ -91,6 +97,24 @@ SlamResult Slam::process(const Scan& scan, const std::optional<Pose>& odometry) 
   return result;
 }
 
+SlamResult Slam::insert(const Scan& scan, const Pose& pose) {
+  check(scan);
+  SlamResult result;
+  const double elapsed = last_stamp_ ? scan.stamp - *last_stamp_ : 0.0;
+  velocity_.setZero();
+  if (elapsed > 0.0 && elapsed <= options_.max_gap) velocity_ = between(pose_, pose) / elapsed;
+  pose_ = pose;
+  last_stamp_ = scan.stamp;
+  if (static_cast<int>(scan.points.size()) >= options_.min_points) {
+    result.status = Status::kGiven;
+    const double middle = deskew(scan);
+    result.pose = compose(pose, velocity_ * middle);
+    updateMap(deskewed_, result);
+  }
+  result.pose = result.guess = pose;
+  return result;
+}
+
 // The first guess.
 void Slam::predict(double stamp, const std::optional<Pose>& odometry, SlamResult& result) {
   const double elapsed = last_stamp_ ? stamp - *last_stamp_ : 0.0;
@@ -105,7 +129,13 @@ void Slam::predict(double stamp, const std::optional<Pose>& odometry, SlamResult
   Pose motion = Pose::Zero();
   if (options_.guess == Guess::kOdometry && odometry && last_odometry_) {
     motion = between(*last_odometry_, *odometry);
-    if (follows && elapsed > 0.0) velocity_ = motion / elapsed;
+    result.odometry_jumped = motion.head<2>().norm() > options_.max_speed * std::abs(elapsed) ||
+                             std::abs(motion.z()) > options_.max_turn_rate * std::abs(elapsed);
+    if (result.odometry_jumped) {
+      motion = velocity_ * elapsed;
+    } else if (follows && elapsed > 0.0) {
+      velocity_ = motion / elapsed;
+    }
   } else if (options_.guess != Guess::kLastPose && follows && elapsed > 0.0) {
     motion = velocity_ * elapsed;
   }

@@ -53,6 +53,22 @@ TEST(ToScan, CutsTheFloorThatATiltedScannerSees) {
   EXPECT_EQ(0u, toScan(message({0, 0, 6.0F}), mount, {}).points.size());
 }
 
+TEST(ToPointCloud, HasTheEndsInTheFrameOfTheScanner) {
+  auto scan = message({5.0F, std::nanf(""), 0.3F, 25.0F, 2.0F});
+  scan.header.frame_id = "laser";
+  scan.intensities = {100, 200, 300, 400, 500};
+  const sensor_msgs::PointCloud cloud = toPointCloud(scan, {});
+  EXPECT_EQ("laser", cloud.header.frame_id);
+  EXPECT_EQ(ros::Time(100.5), cloud.header.stamp);
+  ASSERT_EQ(2u, cloud.points.size());
+  EXPECT_NEAR(5.0 * std::sin(-0.5), cloud.points[0].y, 1e-5);
+  EXPECT_NEAR(2.0 * std::cos(0.5), cloud.points[1].x, 1e-5);
+  ASSERT_EQ(2u, cloud.channels.size());
+  EXPECT_EQ(std::vector<float>({0, 4}), cloud.channels[0].values);
+  EXPECT_EQ(std::vector<float>({100, 500}), cloud.channels[1].values);
+  EXPECT_EQ(1u, toPointCloud(message({5.0F}), {}).channels.size());
+}
+
 TEST(ToScan, RefusesMalformedMessages) {
   const auto expectRefused = [](const std::function<void(sensor_msgs::LaserScan&)>& damage) {
     auto scan = message({1, 2, 3});

@@ -108,6 +108,10 @@ TEST(Parameters, AreThoseOfTheFileThatShips) {
                                p.slam.max_contradiction,
                                p.slam.max_correction_distance,
                                p.slam.max_correction_angle,
+                               p.slam.max_speed,
+                               p.slam.max_turn_rate,
+                               p.slam.max_acceleration,
+                               p.slam.max_angular_acceleration,
                                p.slam.max_gap,
                                p.scan.min_range,
                                p.scan.max_range,
@@ -117,7 +121,7 @@ TEST(Parameters, AreThoseOfTheFileThatShips) {
                                p.key_pose_distance,
                                p.key_pose_angle,
                                p.map_pub_period,
-                               p.transform_tolerance,
+                               p.transform_timeout,
                                double(p.scan_subscriber_queue_size)};
   };
   EXPECT_EQ(options(b), options(a));
@@ -144,6 +148,21 @@ TEST(Parameters, OdometryIsInAFrameOfItsOwn) {
   EXPECT_TRUE(read("odom_frame: odom").usesOdometry());
   EXPECT_FALSE(read("odom_frame: base_link").usesOdometry());
   EXPECT_FALSE(read("guess: constant_velocity").usesOdometry());
+}
+
+TEST(Parameters, OfHectorMappingAreUnderstood) {
+  EXPECT_FALSE(read("use_tf_pose_start_estimate: false").usesOdometry());
+  EXPECT_EQ(Guess::kConstantVelocity, read("use_tf_pose_start_estimate: false").slam.guess);
+  EXPECT_TRUE(read("use_tf_pose_start_estimate: true").usesOdometry());
+  EXPECT_EQ(Guess::kLastPose, read("{use_tf_pose_start_estimate: true, guess: last_pose}").slam.guess);
+  EXPECT_TRUE(read("{pub_drawings: false, pub_debug_output: false}").warnings.empty());
+  EXPECT_EQ(2u, read("{pub_drawings: true, pub_debug_output: true}").warnings.size());
+  EXPECT_EQ("base_link", read("base_frame: /base_link").base_frame);
+  expectRejected("base_frame: /", "~base_frame is '/'");
+  // Whole numbers for any, as rosparam and roslaunch make them; map_size in cells of the finest level.
+  const SlamParameters p = read("{map_resolution: 1, map_size: 2048, map_start_x: 0, laser_max_dist: 30}");
+  EXPECT_EQ(2048.0, p.slam.map.size_x);
+  EXPECT_EQ(0.0, p.slam.map.start_x);
 }
 
 TEST(Parameters, WhatIsNoYamlIsSaid) {

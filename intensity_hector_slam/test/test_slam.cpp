@@ -202,6 +202,47 @@ TEST(Slam, OdometryIsTheFirstGuess) {
   }
 }
 
+TEST(Slam, OdometryThatJumpsIsNoGuess) {
+  Slam slam;
+  const auto odometryAt = [](double time) { return compose(Pose(3.0, 1.0, 2.0), truthAt(time)); };
+  int i = 0;
+  for (; i < 20; ++i)
+    EXPECT_FALSE(slam.process(scanAt(kPeriod * i), odometryAt(kPeriod * i)).odometry_jumped);
+  for (const Pose& jump : {Pose(-7.0, 2.0, 0.0), Pose(0.0, 0.0, 1.5)}) {
+    for (const int last = i + 10; i < last; ++i) {
+      const SlamResult result = slam.process(scanAt(kPeriod * i), compose(jump, odometryAt(kPeriod * i)));
+      EXPECT_EQ(i == last - 10, result.odometry_jumped) << i;
+      EXPECT_LT(errorOf(result.pose, kPeriod * i), 0.03) << i;
+    }
+  }
+}
+
+TEST(Slam, InsertsAtPosesThatAreKnown) {
+  const Pose start(10.0, -5.0, 0.5);
+  SlamOptions options;
+  Slam slam(options), matching(options);
+  matching.setPose(start);
+  for (int i = 0; i < 40; ++i) {
+    const Pose pose = compose(start, truthAt(kPeriod * i));
+    const SlamResult result = slam.insert(scanAt(kPeriod * i), pose);
+    EXPECT_EQ(Status::kGiven, result.status);
+    EXPECT_EQ(pose, result.pose);
+    matching.process(scanAt(kPeriod * i));
+  }
+  EXPECT_GT(slam.map().updates(), 4u);
+  EXPECT_LT(slam.map().updates(), 40u);
+  // Who goes on by matching finds where he is.
+  EXPECT_EQ(Status::kMatched, slam.process(scanAt(2.0)).status);
+  EXPECT_LT((slam.pose() - matching.process(scanAt(2.0)).pose).head<2>().norm(), 0.05);
+
+  Scan empty = scanAt(2.05);
+  empty.points.resize(3);
+  empty.reflectivities.resize(3);
+  const std::size_t before = slam.map().updates();
+  EXPECT_EQ(Status::kEmpty, slam.insert(empty, Pose(90.0, 0.0, 0.0)).status);
+  EXPECT_EQ(before, slam.map().updates());
+}
+
 TEST(Slam, SearchesAfterALongWay) {
   const double later = 0.9;
   const Pose odometry = compose(truthAt(later), {0.2, -0.15, 0.25});

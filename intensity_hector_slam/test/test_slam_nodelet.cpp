@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <dynamic_reconfigure/Reconfigure.h>
-#include <geometry_msgs/PoseStamped.h>
 #include <geometry_msgs/PoseWithCovarianceStamped.h>
 #include <intensity_hector_slam/ResetMapping.h>
 #include <mapping_common/testing/nodelet_test.h>
@@ -17,7 +16,7 @@
 #include <tf2_ros/buffer.h>
 #include <tf2_ros/transform_listener.h>
 
-#include "room_bag.h"
+#include "room_drive.h"
 
 namespace intensity_hector_slam {
 namespace {
@@ -26,69 +25,22 @@ using mapping_common::Recorder;
 using mapping_common::spinFor;
 using mapping_common::waitFor;
 
-class SlamNodeletTest : public mapping_common::NodeletTest {
+class SlamNodeletTest : public mapping_common::NodeletTest, protected RoomDrive {
  protected:
-  SlamNodeletTest()
-      : NodeletTest("intensity_hector_slam/SlamNodelet", "slam"),
-        pose_subscriber_(node_.subscribe("slam_out_pose", 100, &SlamNodeletTest::gotPose, this)),
-        scans_(node_.advertise<sensor_msgs::LaserScan>("scan", 100)),
-        tf_(node_.advertise<tf2_msgs::TFMessage>("/tf", 100)) {
+  SlamNodeletTest() : NodeletTest("intensity_hector_slam/SlamNodelet", "slam"), RoomDrive(test_) {
     for (const char* frame : {"base_frame", "odom_frame", "map_frame"}) setParam(frame, test_ + "_" + frame);
     setParam("tf_map_scanmatch_transform_frame_name", test_ + "_scanmatcher_frame");
     setParam("map_pub_period", 0.1);
     setParam("reflectivity_scale", 0.001);
     setParam("scan_subscriber_queue_size", 20);
   }
-  bool load() {
-    if (!NodeletTest::load()) return false;
-    return waitFor([this] {
-      return scans_.getNumSubscribers() > 0 && tf_.getNumSubscribers() > 0 &&
-             pose_subscriber_.getNumPublishers() > 0;
-    });
-  }
-  std::string frame(const std::string& name) const { return test_ + "_" + name; }
-
-  void send(sensor_msgs::LaserScan scan, double time) {
-    scan.header.stamp = ros::Time(time);
-    scan.header.frame_id = frame("laser");
-    scans_.publish(scan);
-  }
-  void sendTransforms(double time) {
-    tf2_msgs::TFMessage message;
-    const ros::Time stamp(time);
-    message.transforms = {transformMessage(kMount, frame("base_frame"), frame("laser"), stamp)};
-    if (odometry_) {
-      message.transforms.push_back(transformMessage(compose(kOdometryFrame, bagPoseAt(time - kBagStart)),
-                                                    frame("odom_frame"), frame("base_frame"), stamp));
-    }
-    tf_.publish(message);
-  }
-  void step(int i) {
-    const double time = kBagStart + 0.1 * i;
-    sendTransforms(time);
-    send(roomMessage(bagPoseAt(0.1 * i), ros::Time(time), i), time);
-  }
-  // Drives on from scan to scan. @return whether there was a pose for each
-  bool drive(int from, int to) {
-    for (int i = from; i < to; ++i) {
-      const std::size_t before = poses_.size();
-      step(i);
-      if (!waitFor([&] { return poses_.size() > before; }, 5.0)) return false;
-    }
-    return true;
-  }
-  double errorAt(int i) const { return (toPose(poses_.back().pose) - bagPoseAt(0.1 * i)).head<2>().norm(); }
+  bool load() { return NodeletTest::load() && waitForNode(); }
   template <class Service>
   bool call(const std::string& name, Service& service) {
     return ros::service::call(name, service);
   }
 
-  void gotPose(const geometry_msgs::PoseStamped& pose) { poses_.push_back(pose); }
-
-  ros::Subscriber pose_subscriber_;
-  std::vector<geometry_msgs::PoseStamped> poses_;
-  ros::Publisher scans_, tf_;
-  bool odometry_ = true;
+  using NodeletTest::node_;
 };
 
 TEST_F(SlamNodeletTest, TopicsAndFramesAreThoseOfHectorMapping) {
@@ -287,6 +239,135 @@ TEST_F(SlamNodeletTest, GoesOnWhenTimeJumpsBack) {
   spinFor(0.3);
   ASSERT_TRUE(drive(1, 20));
   EXPECT_LT(errorAt(19), 0.03);
+}
+
+TEST_F(SlamNodeletTest, LateTransformsAreWaitedFor) {
+  setParam("scan_subscriber_queue_size", 5);
+  ASSERT_TRUE(load());
+  sendTransforms(timeOf(0));
+  for (int i = 0; i < 40; ++i) {  // four scans late, and all at once
+    sendScan(i);
+    spinFor(0.01);
+    if (i % 4 == 3) sendTransforms(timeOf(i));
+  }
+  ASSERT_TRUE(waitFor([&] { return poses_.size() == 40; })) << poses_.size();
+  for (std::size_t i = 1; i < 40; ++i) EXPECT_LT(poses_[i - 1].header.stamp, poses_[i].header.stamp);
+  EXPECT_LT(errorAt(39), 0.03);
+}
+
+TEST_F(SlamNodeletTest, OdometryMayComeLater) {
+  odometry_ = false;
+  tf2_ros::Buffer buffer;
+  tf2_ros::TransformListener listener(buffer);
+  ASSERT_TRUE(load());
+  // The first scan waits for odometry, the others don't wait any more.
+  int next = driveUntil(0, 1);
+  EXPECT_GE(next, 6);
+  ASSERT_TRUE(drive(next, next + 5));
+  next += 5;
+  // The listener may have found the nodelet late.
+  while (next < 40 && !buffer.canTransform(frame("map_frame"), frame("odom_frame"), ros::Time(0))) {
+    ASSERT_TRUE(drive(next, next + 1));
+    ++next;
+    spinFor(0.05);
+  }
+  expectDiagnostic("Scans", "Odometry", "none");
+  ASSERT_TRUE(waitFor([&] {
+    return buffer.canTransform(frame("map_frame"), frame("odom_frame"), ros::Time(timeOf(next - 1)));
+  }));
+  const auto odometry_frame = [&](double time) {
+    return toPose(tf2::transformToEigen(
+        buffer.lookupTransform(frame("map_frame"), frame("odom_frame"), ros::Time(time))));
+  };
+  EXPECT_LT((odometry_frame(timeOf(next - 1)) - bagPoseAt(0.1 * (next - 1))).norm(), 0.05);
+
+  // Now it comes: the pose goes on as it was, and its frame is nowhere in between.
+  odometry_ = true;
+  sendOdometry(timeOf(next));
+  spinFor(0.1);
+  ASSERT_TRUE(drive(next, next + 5));
+  EXPECT_LT(errorAt(next + 4), 0.03);
+  expectDiagnostic("Scans", "Odometry", "used");
+  ASSERT_TRUE(waitFor([&] {
+    return buffer.canTransform(frame("map_frame"), frame("odom_frame"), ros::Time(timeOf(next + 4)));
+  }));
+  const Pose true_frame = between(kOdometryFrame, Pose::Zero());
+  EXPECT_LT((odometry_frame(timeOf(next) - 0.05) - true_frame).norm(), 0.1);
+  EXPECT_LT((odometry_frame(timeOf(next + 4)) - true_frame).norm(), 0.1);
+
+  // It ends: the body is followed, the frame of the odometry stays where it was.
+  odometry_ = false;
+  for (int i = next + 5; i < next + 15; ++i) {
+    step(i);
+    spinFor(0.02);
+  }
+  ASSERT_TRUE(waitFor([&] { return isAt(next + 14); }));
+  ASSERT_TRUE(drive(next + 15, next + 20));
+  EXPECT_LT(errorAt(next + 19), 0.03);
+  EXPECT_FALSE(buffer.canTransform(frame("map_frame"), frame("odom_frame"), ros::Time(timeOf(next + 19))));
+  // And comes again, from zero.
+  odometry_ = true;
+  odometry_frame_ = Pose(-1.0, -7.0, 2.0);
+  ASSERT_TRUE(drive(next + 20, next + 25));
+  EXPECT_LT(errorAt(next + 24), 0.03);
+}
+
+TEST_F(SlamNodeletTest, OdometryThatJumpsLeadsNowhere) {
+  ASSERT_TRUE(load());
+  ASSERT_TRUE(drive(0, 10));
+  odometry_frame_ = Pose::Zero();
+  ASSERT_TRUE(drive(10, 15));
+  EXPECT_LT(errorAt(14), 0.03);
+}
+
+TEST_F(SlamNodeletTest, MapsWithPosesThatAreKnown) {
+  setParam("map_with_known_poses", true);
+  setParam("map_frame", frame("odom_frame"));
+  setParam("start/x", 100.0);  // of no meaning
+  Recorder<nav_msgs::OccupancyGrid> maps(node_, "map");
+  ASSERT_TRUE(load());
+  for (int i = 0; i < 20; ++i) {
+    step(i);
+    spinFor(0.02);
+  }
+  expectDiagnostic("Scans", "Processed", "20");
+  expectDiagnostic("Scans", "Last scan", "given");
+  EXPECT_TRUE(poses_.empty());
+  // The column in the room is where the poses put it, and so much of it is seen.
+  nav_msgs::GetMap map;
+  ASSERT_TRUE(call("/" + test_ + "/dynamic_map", map));
+  const auto& info = map.response.map.info;
+  const auto value = [&](const Pose& in_room) {
+    const Pose at = compose(kOdometryFrame, in_room);
+    const auto column = static_cast<std::size_t>((at.x() - info.origin.position.x) / info.resolution);
+    const auto row = static_cast<std::size_t>((at.y() - info.origin.position.y) / info.resolution);
+    int greatest = -1;
+    for (const std::size_t r : {row - 1, row, row + 1}) {
+      for (const std::size_t c : {column - 1, column, column + 1}) {
+        greatest = std::max<int>(greatest, map.response.map.data.at(r * info.width + c));
+      }
+    }
+    return greatest;
+  };
+  EXPECT_EQ(100, value({2.0, -0.8, 0.0}));
+  EXPECT_EQ(100, value({4.25, 0.0, 0.0}));
+  EXPECT_EQ(0, value({1.0, 0.5, 0.0}));
+  EXPECT_EQ(-1, value({4.5, 0.0, 0.0}));
+}
+
+TEST_F(SlamNodeletTest, FramesMayBeginWithASlash) {
+  setParam("base_frame", "/" + frame("base_frame"));
+  setParam("map_frame", "/" + frame("map_frame"));
+  setParam("odom_frame", "/" + frame("odom_frame"));
+  ASSERT_TRUE(load());
+  for (int i = 0; i < 5; ++i) {
+    sendTransforms(timeOf(i));
+    sensor_msgs::LaserScan scan = roomMessage(bagPoseAt(0.1 * i), ros::Time(timeOf(i)), i);
+    scan.header.frame_id = "/" + frame("laser");
+    scans_.publish(scan);
+  }
+  ASSERT_TRUE(waitFor([&] { return poses_.size() == 5; }));
+  EXPECT_EQ(frame("map_frame"), poses_.back().header.frame_id);
 }
 
 TEST_F(SlamNodeletTest, ReconfiguresWhileItRuns) {

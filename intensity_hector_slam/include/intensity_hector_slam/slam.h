@@ -11,6 +11,7 @@ namespace intensity_hector_slam {
 /// What became of a scan.
 enum class Status {
   kStarted,  ///< the first in an empty map: it went in at the start pose
+  kGiven,    ///< its pose was given
   kMatched,
   kUnobservable,  ///< matched, but in some direction the pose is just the first guess's; see
                   ///< Match::observable
@@ -26,6 +27,7 @@ struct SlamResult {
   Pose guess = Pose::Zero();                             ///< where the match began
   Match match;  ///< of no meaning where the status is kStarted or kEmpty
   bool map_updated = false;
+  bool odometry_jumped = false;   ///< faster than the body can move: it isn't the guess
   bool time_jumped_back = false;  ///< by more than SlamOptions::max_gap: no velocity holds
   double gap = 0.0;               ///< s, a pause before this scan longer than SlamOptions::max_gap, else 0
 };
@@ -42,6 +44,9 @@ class Slam {
   /// @param odometry pose of the body at the scan's stamp in any fixed frame, where there is odometry
   SlamResult process(const Scan& scan, const std::optional<Pose>& odometry = {});
 
+  /// Puts a scan into the map, where it is due, at a pose that is known.
+  SlamResult insert(const Scan& scan, const Pose& pose);
+
   const SlamOptions& options() const { return options_; }
   /// What isn't the map's: those must be as they were.
   /// @throws std::invalid_argument
@@ -57,6 +62,7 @@ class Slam {
   void setMap(MultiMap map, const Pose& pose);
 
  private:
+  void check(const Scan& scan) const;
   void predict(double stamp, const std::optional<Pose>& odometry, SlamResult& result);
   bool isUnsure(double stamp, bool odometry, const SlamResult& result) const;
   void follow(const Scan& scan, bool unsure, SlamResult& result);

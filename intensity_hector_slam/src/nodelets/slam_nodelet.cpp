@@ -4,9 +4,7 @@
 // nodelet's single-threaded callback queue, so that nothing here needs a lock.
 #include <geometry_msgs/PoseWithCovarianceStamped.h>
 #include <intensity_hector_slam/ResetMapping.h>
-#include <intensity_hector_slam/SlamConfig.h>
 #include <mapping_common/nodelet.h>
-#include <mapping_common/transform_queue.h>
 #include <mapping_msgs/LoadMap.h>
 #include <mapping_msgs/SaveMap.h>
 #include <nav_msgs/GetMap.h>
@@ -14,7 +12,6 @@
 #include <std_srvs/SetBool.h>
 #include <std_srvs/Trigger.h>
 #include <tf2_eigen/tf2_eigen.h>
-#include <tf2_ros/transform_listener.h>
 
 #include <algorithm>
 #include <memory>
@@ -27,7 +24,9 @@
 
 #include "intensity_hector_slam/ros/map_conversion.h"
 #include "intensity_hector_slam/ros/parameters.h"
+#include "intensity_hector_slam/ros/reconfiguration.h"
 #include "intensity_hector_slam/ros/scan_conversion.h"
+#include "intensity_hector_slam/ros/scan_queue.h"
 #include "intensity_hector_slam/ros/slam_publisher.h"
 
 namespace intensity_hector_slam {
@@ -39,9 +38,11 @@ enum Reason { kNoTransform, kMalformed, kEmptyScan, kRejectedScan, kTimeJump, kP
 // Stamps may be out of order by this much before time is said to have jumped back.
 const ros::Duration kOutOfOrder(1.0);
 
+constexpr int kReportsWithoutScan = 5;
+
 // What happened since the last diagnostics.
 struct Activity {
-  std::size_t received = 0, processed = 0, unobservable = 0;
+  std::size_t received = 0, processed = 0, unobservable = 0, without_odometry = 0;
   double time = 0.0, longest = 0.0;  // s
 };
 
@@ -52,15 +53,14 @@ class SlamNodelet : public mapping_common::Nodelet {
   ~SlamNodelet() override;
 
  private:
-  using ScanPointer = boost::shared_ptr<const sensor_msgs::LaserScan>;
-
   void start(mapping_common::Parameters& reader) override;
-  SlamConfig startConfig(mapping_common::Parameters& reader) const;
   void offerServices();
   void listen();
 
-  void arrived(const ScanPointer& message);
-  void process(const sensor_msgs::LaserScan& message);
+  void arrived(const ScanQueue::ScanPointer& message);
+  void process(const sensor_msgs::LaserScan& message, const ScanQueue::Transforms& transforms);
+  void report(const sensor_msgs::LaserScan& message, double time);
+  void report(const ScanQueue::Transforms& transforms);
   void timeJumpedBack(const ros::Time& to);
   void drop(Reason reason, const std::string& why, std::size_t count = 1);
 
@@ -83,21 +83,20 @@ class SlamNodelet : public mapping_common::Nodelet {
   SlamParameters parameters_;
   std::unique_ptr<Slam> slam_;
   std::unique_ptr<SlamPublisher> publisher_;
-  bool paused_ = false;
+  bool paused_ = false, asks_for_body_ = false, has_odometry_ = true;
   SlamResult last_;
   ros::Time last_stamp_;
 
-  tf2_ros::Buffer tf_buffer_;
   ros::Subscriber scan_subscriber_, pose_subscriber_, command_subscriber_;
-  std::unique_ptr<mapping_common::TransformQueue<sensor_msgs::LaserScan>> queue_;
-  std::unique_ptr<tf2_ros::TransformListener> tf_listener_;  // gone before the queue that it feeds
+  std::unique_ptr<ScanQueue> queue_;
   std::vector<ros::ServiceServer> services_;
   ros::WallTimer map_timer_;
 
   Activity activity_;
   mapping_common::DropCounts drops_{
       {"no transform", "malformed", "empty", "rejected", "time jump", "paused"}};
-  std::size_t processed_ = 0;
+  std::size_t received_ = 0, processed_ = 0;
+  int reports_without_scan_ = 0;
 };
 
 SlamNodelet::~SlamNodelet() {
@@ -114,6 +113,7 @@ void SlamNodelet::start(mapping_common::Parameters& reader) {
   ros::NodeHandle& node = getNodeHandle();
   parameters_ = readSlamParameters(reader);
   rejectUnknown(reader);
+  for (const std::string& warning : parameters_.warnings) NODELET_WARN_STREAM(warning);
 
   slam_ = std::make_unique<Slam>(parameters_.slam);
   slam_->setPose(parameters_.start);
@@ -124,28 +124,12 @@ void SlamNodelet::start(mapping_common::Parameters& reader) {
   map_timer_ = node.createWallTimer(
       ros::WallDuration(parameters_.map_pub_period),
       [this](const ros::WallTimerEvent&) { publisher_->publishMaps(last_stamp_, slam_->map()); });
-  allowReconfiguration<SlamConfig>(startConfig(reader),
+  allowReconfiguration<SlamConfig>(startConfig(reader, parameters_),
                                    [this](const SlamConfig& config, std::uint32_t) { reconfigure(config); });
   offerServices();
   listen();
   startDiagnostics("none", {{"Scans", [this](StatusWrapper& status) { diagnoseScans(status); }},
                             {"Map", [this](StatusWrapper& status) { diagnoseMap(status); }}});
-}
-
-SlamConfig SlamNodelet::startConfig(mapping_common::Parameters& reader) const {
-  SlamConfig config;
-  config.cost = reader.get<std::string>("cost", "combined");
-  config.occupancy_weight = parameters_.slam.matcher.occupancy_weight;
-  config.reflectivity_weight = parameters_.slam.matcher.reflectivity_weight;
-  config.robust_kernel = reader.get<std::string>("robust_kernel", "cauchy");
-  config.robust_scale = parameters_.slam.matcher.robust_scale;
-  config.search = reader.get<std::string>("search", "when_unsure");
-  config.localization = parameters_.slam.localization;
-  config.map_update_distance_thresh = parameters_.slam.update_distance;
-  config.map_update_angle_thresh = parameters_.slam.update_angle;
-  config.max_contradiction = parameters_.slam.max_contradiction;
-  config.map_pub_period = parameters_.map_pub_period;
-  return config;
 }
 
 void SlamNodelet::offerServices() {
@@ -166,27 +150,38 @@ void SlamNodelet::offerServices() {
 
 void SlamNodelet::listen() {
   ros::NodeHandle& node = getNodeHandle();
-  const bool needs_odometry = parameters_.odom_frame != parameters_.base_frame &&
-                              (parameters_.usesOdometry() || parameters_.pub_map_odom_transform);
-  std::vector<std::string> frames;
-  if (parameters_.use_tf_scan_transformation) frames.push_back(parameters_.base_frame);
-  if (needs_odometry) frames.push_back(parameters_.odom_frame);
-  tf_listener_ = std::make_unique<tf2_ros::TransformListener>(tf_buffer_, node, false);
-  queue_ = std::make_unique<mapping_common::TransformQueue<sensor_msgs::LaserScan>>(
-      tf_buffer_, frames, parameters_.scan_subscriber_queue_size, parameters_.transform_tolerance, node,
-      [this](const sensor_msgs::LaserScan& message) { process(message); },
+  const SlamParameters& p = parameters_;
+  ScanQueue::Options options;
+  options.base_frame = p.base_frame;
+  options.use_sensor_frame = p.use_tf_scan_transformation;
+  options.timeout = p.transform_timeout;
+  options.needs_body = p.map_with_known_poses;
+  if (p.map_with_known_poses) {
+    options.fixed_frame = p.map_frame;
+  } else if (p.usesOdometry() || (p.pub_map_odom_transform && p.odom_frame != p.base_frame)) {
+    options.fixed_frame = p.odom_frame;
+  }
+  asks_for_body_ = !options.fixed_frame.empty();
+  queue_ = std::make_unique<ScanQueue>(
+      node, options,
+      [this](const sensor_msgs::LaserScan& message, const ScanQueue::Transforms& transforms) {
+        process(message, transforms);
+      },
       [this](const sensor_msgs::LaserScan& message, const std::string& why) {
         drop(message.header.frame_id.empty() ? kMalformed : kNoTransform, why);
       });
-  scan_subscriber_ =
-      node.subscribe<sensor_msgs::LaserScan>(parameters_.scan_topic, parameters_.scan_subscriber_queue_size,
-                                             [this](const ScanPointer& message) { arrived(message); });
+  scan_subscriber_ = node.subscribe<sensor_msgs::LaserScan>(
+      p.scan_topic, p.scan_subscriber_queue_size,
+      [this](const ScanQueue::ScanPointer& message) { arrived(message); });
   pose_subscriber_ = node.subscribe("initialpose", 2, &SlamNodelet::initialPose, this);
-  command_subscriber_ = node.subscribe(parameters_.sys_msg_topic, 2, &SlamNodelet::systemCommand, this);
+  command_subscriber_ = node.subscribe(p.sys_msg_topic, 2, &SlamNodelet::systemCommand, this);
+  NODELET_INFO_STREAM("Scans of " << scan_subscriber_.getTopic() << " tell where " << p.base_frame
+                                  << " is in " << p.map_frame);
 }
 
-void SlamNodelet::arrived(const ScanPointer& message) {
+void SlamNodelet::arrived(const ScanQueue::ScanPointer& message) {
   ++activity_.received;
+  ++received_;
   const ros::Time& stamp = message->header.stamp;
   if (stamp + kOutOfOrder < last_stamp_) timeJumpedBack(stamp);
   last_stamp_ = stamp;
@@ -202,54 +197,78 @@ void SlamNodelet::arrived(const ScanPointer& message) {
 void SlamNodelet::timeJumpedBack(const ros::Time& to) {
   NODELET_WARN_STREAM("Time jumped back by " << last_stamp_ - to
                                              << " s: transforms are forgotten, the map goes on");
-  // With simulated time the listener has done so already, and may have heard of new ones since.
-  if (!ros::Time::isSimTime()) tf_buffer_.clear();
-  if (const std::size_t waiting = queue_->clear()) drop(kTimeJump, "it waited for a transform", waiting);
-  if (!parameters_.usesOdometry()) {
+  if (const std::size_t waiting = queue_->restart()) drop(kTimeJump, "it waited for a transform", waiting);
+  if (!parameters_.usesOdometry() || !queue_->bodyExists()) {
     if (const auto then = publisher_->keyPoseAt(to)) slam_->setPose(*then);
   }
   publisher_->restart();
 }
 
-void SlamNodelet::process(const sensor_msgs::LaserScan& message) {
-  const std_msgs::Header& header = message.header;
+void SlamNodelet::process(const sensor_msgs::LaserScan& message, const ScanQueue::Transforms& transforms) {
+  const ros::Time& stamp = message.header.stamp;
   try {
-    const auto lookup = [&](const std::string& target, const std::string& source) {
-      return tf2::transformToEigen(tf_buffer_.lookupTransform(target, source, header.stamp));
-    };
-    const std::string& base = parameters_.base_frame;
-    const Eigen::Isometry3d sensor = parameters_.use_tf_scan_transformation ? lookup(base, header.frame_id)
-                                                                            : Eigen::Isometry3d::Identity();
-    std::optional<Pose> odometry;
-    if (parameters_.odom_frame == base) {
-      odometry = Pose::Zero();
-    } else if (parameters_.usesOdometry() || parameters_.pub_map_odom_transform) {
-      odometry = toPose(lookup(parameters_.odom_frame, base));
-    }
-    const Scan scan = toScan(message, sensor, parameters_.scan);
     const ros::WallTime start = ros::WallTime::now();
-    last_ = slam_->process(scan, parameters_.usesOdometry() ? odometry : std::optional<Pose>());
-    const double time = (ros::WallTime::now() - start).toSec();
-
-    ++processed_;
-    ++activity_.processed;
-    activity_.time += time;
-    activity_.longest = std::max(activity_.longest, time);
-    activity_.unobservable += last_.status == Status::kUnobservable;
-    if (last_.gap > 0.0) NODELET_WARN_STREAM("A pause of " << last_.gap << " s before this scan");
-    if (last_.status == Status::kEmpty) {
-      drop(kEmptyScan, std::to_string(scan.points.size()) + " points within the limits");
-    } else if (last_.status == Status::kRejected) {
-      drop(kRejectedScan, std::to_string(static_cast<int>(100.0 * last_.match.contradiction)) +
-                              " % of its points are in free space, or it is too far from the first guess");
+    const Scan scan = toScan(message, transforms.sensor_in_body, parameters_.scan);
+    if (parameters_.map_with_known_poses) {
+      last_ = slam_->insert(scan, *transforms.body);
     } else {
-      publisher_->publishPose(header.stamp, last_);
+      last_ = slam_->process(scan, parameters_.usesOdometry() ? transforms.body : std::nullopt);
     }
-    publisher_->publishTransforms(header.stamp, last_.pose, odometry);
-  } catch (const tf2::TransformException& e) {
-    drop(kNoTransform, e.what());
+    const double time = (ros::WallTime::now() - start).toSec();
+    publisher_->publishCloud(message);
+    if (!parameters_.map_with_known_poses) {
+      if (last_.status != Status::kEmpty && last_.status != Status::kRejected)
+        publisher_->publishPose(stamp, last_);
+      const bool is_body = parameters_.odom_frame == parameters_.base_frame;
+      publisher_->publishTransforms(stamp, last_.pose, is_body ? Pose::Zero() : transforms.body,
+                                    is_body || queue_->bodyExists());
+      if (asks_for_body_) report(transforms);
+    }
+    report(message, time);
   } catch (const std::invalid_argument& e) {
     drop(kMalformed, e.what());
+  }
+}
+
+void SlamNodelet::report(const sensor_msgs::LaserScan& message, double time) {
+  ++processed_;
+  ++activity_.processed;
+  activity_.time += time;
+  activity_.longest = std::max(activity_.longest, time);
+  activity_.unobservable += last_.status == Status::kUnobservable;
+  if (parameters_.output_timing) {
+    NODELET_INFO_STREAM("Scan of " << message.header.stamp << ": " << toString(last_.status) << ", "
+                                   << 1e3 * time << " ms");
+  }
+  if (last_.gap > 0.0) NODELET_WARN_STREAM("A pause of " << last_.gap << " s before this scan");
+  if (last_.status == Status::kEmpty) {
+    drop(kEmptyScan, "fewer than " + std::to_string(parameters_.slam.min_points) + " of its " +
+                         std::to_string(message.ranges.size()) + " points are within the limits");
+  } else if (last_.status == Status::kRejected) {
+    drop(kRejectedScan, std::to_string(static_cast<int>(100.0 * last_.match.contradiction)) +
+                            " % of its points are in free space, or it is too far from the first guess");
+  }
+}
+
+void SlamNodelet::report(const ScanQueue::Transforms& transforms) {
+  const bool there = transforms.body.has_value();
+  activity_.without_odometry += !there;
+  if (!there && queue_->bodyExists()) {
+    NODELET_WARN_STREAM_THROTTLE(5.0, "No odometry for a scan: " << queue_->whyNoBody());
+  } else if (there != has_odometry_) {
+    if (there) {
+      NODELET_INFO_STREAM("Odometry comes from " << parameters_.odom_frame);
+    } else {
+      NODELET_WARN_STREAM("Mapping goes on without odometry, which is used once tf has it: "
+                          << queue_->whyNoBody() << " If there is none, set odom_frame to "
+                          << parameters_.base_frame);
+    }
+  }
+  has_odometry_ = there;
+  if (last_.odometry_jumped) {
+    NODELET_WARN_STREAM_THROTTLE(5.0,
+                                 "Odometry jumped, faster than max_speed or max_turn_rate: it is not "
+                                 "used for this scan");
   }
 }
 
@@ -269,10 +288,11 @@ void SlamNodelet::reset(const Pose& pose) {
 
 void SlamNodelet::initialPose(const geometry_msgs::PoseWithCovarianceStamped& message) {
   try {
-    const std::string& frame = message.header.frame_id;
+    const std::string frame = withoutSlash(message.header.frame_id);
     Eigen::Isometry3d to_map = Eigen::Isometry3d::Identity();
     if (!frame.empty() && frame != parameters_.map_frame) {
-      to_map = tf2::transformToEigen(tf_buffer_.lookupTransform(parameters_.map_frame, frame, ros::Time(0)));
+      to_map =
+          tf2::transformToEigen(queue_->buffer().lookupTransform(parameters_.map_frame, frame, ros::Time(0)));
     }
     slam_->setPose(toPose(Eigen::Isometry3d(to_map * toIsometry(toPose(message.pose.pose)))));
     publisher_->restart();
@@ -346,23 +366,16 @@ std::string SlamNodelet::load(const std::string& path) {
 // --------------------------------------------------------------------------------------------- while it runs
 
 void SlamNodelet::reconfigure(const SlamConfig& config) {
-  SlamOptions options = slam_->options();
-  options.matcher.cost = parseCost(config.cost);
-  options.matcher.occupancy_weight = config.occupancy_weight;
-  options.matcher.reflectivity_weight = config.reflectivity_weight;
-  options.matcher.robust_kernel = parseRobustKernel(config.robust_kernel);
-  options.matcher.robust_scale = config.robust_scale;
-  options.matcher.search = parseSearch(config.search);
-  options.localization = config.localization;
-  options.update_distance = config.map_update_distance_thresh;
-  options.update_angle = config.map_update_angle_thresh;
-  options.max_contradiction = config.max_contradiction;
-  slam_->setOptions(options);
+  slam_->setOptions(reconfigured(slam_->options(), config));
   map_timer_.setPeriod(ros::WallDuration(config.map_pub_period));
 }
 
 void SlamNodelet::report() {
   Nodelet::report();
+  if (received_ == 0 && ++reports_without_scan_ == kReportsWithoutScan) {
+    NODELET_WARN_STREAM("There is no scan on " << scan_subscriber_.getTopic() << " yet, and "
+                                               << scan_subscriber_.getNumPublishers() << " who publish it");
+  }
   drops_.endReport();
   activity_ = {};
 }
@@ -376,6 +389,8 @@ void SlamNodelet::diagnoseScans(StatusWrapper& status) {
     status.summaryf(DiagnosticStatus::WARN, "%zu scans without a pose", drops_.recent());
   } else if (activity_.processed == 0 && queue_->waiting() > 0) {
     status.summaryf(DiagnosticStatus::WARN, "%zu scans wait for transforms", queue_->waiting());
+  } else if (activity_.without_odometry > 0 && queue_->bodyExists()) {
+    status.summaryf(DiagnosticStatus::WARN, "%zu scans without odometry", activity_.without_odometry);
   } else if (activity_.unobservable > 0) {
     status.summaryf(DiagnosticStatus::WARN, "%zu scans don't tell the whole pose", activity_.unobservable);
   } else {
@@ -387,6 +402,7 @@ void SlamNodelet::diagnoseScans(StatusWrapper& status) {
   status.add("Processed", processed_);
   status.add("Waiting for transforms", queue_->waiting());
   drops_.addTo(status, "Without a pose");
+  status.add("Odometry", asks_for_body_ && processed_ > 0 && has_odometry_ ? "used" : "none");
   status.addf("Time, mean (ms)", "%.3f",
               activity_.processed > 0 ? 1e3 * activity_.time / activity_.processed : 0.0);
   status.addf("Time, longest (ms)", "%.3f", 1e3 * activity_.longest);

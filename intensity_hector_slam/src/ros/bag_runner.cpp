@@ -13,6 +13,8 @@
 #include <optional>
 #include <stdexcept>
 
+#include "intensity_hector_slam/ros/scan_queue.h"
+
 namespace intensity_hector_slam {
 namespace {
 
@@ -23,10 +25,6 @@ std::vector<std::string> spellings(const std::string& topic) {
   const std::string bare =
       topic.substr(topic.find_first_not_of('/') == std::string::npos ? 0 : topic.find_first_not_of('/'));
   return {bare, '/' + bare};
-}
-
-std::string withoutSlash(const std::string& frame) {
-  return !frame.empty() && frame[0] == '/' ? frame.substr(1) : frame;
 }
 
 // All transforms of a bag at once, so that each scan finds those after it.

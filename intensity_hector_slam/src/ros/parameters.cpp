@@ -3,7 +3,10 @@
 
 #include <yaml-cpp/yaml.h>
 
+#include <algorithm>
 #include <stdexcept>
+
+#include "intensity_hector_slam/ros/scan_queue.h"
 
 namespace intensity_hector_slam {
 namespace {
@@ -27,12 +30,12 @@ XmlRpc::XmlRpcValue toXmlRpc(const YAML::Node& node) {
 // Parameters have the names that the options' checks know them by.
 void readMap(mapping_common::Parameters& p, MapOptions& o) {
   o.resolution = p.get("map_resolution", o.resolution, 0.001, 10.0);
-  o.size_x = o.size_y = o.resolution * p.get("map_size", 1024, 2, 1 << 16);
   o.levels = p.get("map_multi_res_levels", o.levels, 1, 10);
+  o.size_x = o.size_y = o.resolution * p.get("map_size", 1024, 2 << o.levels, 1 << 15);
   o.start_x = p.get("map_start_x", o.start_x);
   o.start_y = p.get("map_start_y", o.start_y);
   o.grow = p.get("map_grow", o.grow);
-  o.max_size = p.get("max_size", o.max_size);
+  o.max_size = std::max(p.get("max_size", o.max_size), o.size_x);
   o.update_factor_free = p.get("update_factor_free", o.update_factor_free);
   o.update_factor_occupied = p.get("update_factor_occupied", o.update_factor_occupied);
   o.clear_margin = p.get("clear_margin", o.clear_margin);
@@ -92,10 +95,28 @@ void readSlam(mapping_common::Parameters& p, SlamOptions& o) {
   o.max_contradiction = p.get("max_contradiction", o.max_contradiction);
   o.max_correction_distance = p.get("max_correction_distance", o.max_correction_distance);
   o.max_correction_angle = p.get("max_correction_angle", o.max_correction_angle);
+  o.max_speed = p.get("max_speed", o.max_speed);
+  o.max_turn_rate = p.get("max_turn_rate", o.max_turn_rate);
   o.max_acceleration = p.get("max_acceleration", o.max_acceleration);
   o.max_angular_acceleration = p.get("max_angular_acceleration", o.max_angular_acceleration);
   o.max_gap = p.get("max_gap", o.max_gap);
   o.validate();
+}
+
+// Names that hector_mapping has for what is done in another way here.
+void readSubstitutes(mapping_common::Parameters& p, SlamParameters& s) {
+  if (!p.get("use_tf_pose_start_estimate", true) && s.slam.guess == Guess::kOdometry) {
+    s.slam.guess = Guess::kConstantVelocity;
+  }
+  if (p.get("pub_drawings", false)) {
+    s.warnings.push_back(
+        "~pub_drawings does nothing: the topics path and edges show the way, config/slam.rviz all");
+  }
+  if (p.get("pub_debug_output", false)) {
+    s.warnings.push_back(
+        "~pub_debug_output does nothing: what became of the scans is in /diagnostics, and ~output_timing "
+        "logs it");
+  }
 }
 
 }  // namespace
@@ -120,7 +141,9 @@ SlamParameters readSlamParameters(mapping_common::Parameters& p) {
 
   const auto name = [&p](const char* parameter, std::string& value) {
     value = p.get(parameter, value);
-    if (value.empty()) mapping_common::rejectParameter(parameter, "''", "allowed is a name");
+    if (value.empty() || value == "/") {
+      mapping_common::rejectParameter(parameter, '\'' + value + '\'', "allowed is a name");
+    }
   };
   name("base_frame", s.base_frame);
   name("odom_frame", s.odom_frame);
@@ -129,19 +152,23 @@ SlamParameters readSlamParameters(mapping_common::Parameters& p) {
   name("sys_msg_topic", s.sys_msg_topic);
   name("pose_update_topic", s.pose_update_topic);
   name("tf_map_scanmatch_transform_frame_name", s.tf_map_scanmatch_transform_frame_name);
+  for (std::string* frame : {&s.base_frame, &s.odom_frame, &s.map_frame}) *frame = withoutSlash(*frame);
   s.use_tf_scan_transformation = p.get("use_tf_scan_transformation", s.use_tf_scan_transformation);
+  s.map_with_known_poses = p.get("map_with_known_poses", s.map_with_known_poses);
   s.pub_map_odom_transform = p.get("pub_map_odom_transform", s.pub_map_odom_transform);
   s.pub_map_scanmatch_transform = p.get("pub_map_scanmatch_transform", s.pub_map_scanmatch_transform);
   s.pub_odometry = p.get("pub_odometry", s.pub_odometry);
   s.advertise_map_service = p.get("advertise_map_service", s.advertise_map_service);
+  s.output_timing = p.get("output_timing", s.output_timing);
   s.scan_subscriber_queue_size = p.get("scan_subscriber_queue_size", s.scan_subscriber_queue_size, 1, 10000);
-  s.transform_tolerance = p.get("transform_tolerance", s.transform_tolerance, 0.0, 10.0);
+  s.transform_timeout = p.get("transform_timeout", s.transform_timeout, 0.0, 10.0);
   s.map_pub_period = p.get("map_pub_period", s.map_pub_period, 0.01, 1e6);
   s.map_file = p.get("map_file", s.map_file);
   s.save_on_shutdown = p.get("save_on_shutdown", s.save_on_shutdown);
   if (s.slam.localization && s.map_file.empty()) {
     mapping_common::rejectParameter("localization", "true", "allowed is false without a map_file");
   }
+  readSubstitutes(p, s);
   return s;
 }
 

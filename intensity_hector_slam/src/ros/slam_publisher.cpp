@@ -27,6 +27,7 @@ SlamPublisher::SlamPublisher(ros::NodeHandle& node, const SlamParameters& parame
   if (parameters_.pub_odometry)
     odometry_publisher_ = node.advertise<nav_msgs::Odometry>("scanmatch_odom", 50);
   path_publisher_ = node.advertise<nav_msgs::Path>("path", 1, true);
+  cloud_publisher_ = node.advertise<sensor_msgs::PointCloud>("slam_cloud", 1);
   edge_publisher_ = node.advertise<mapping_msgs::EdgeConstraint>("edges", 100);
 }
 
@@ -70,18 +71,34 @@ void SlamPublisher::publishKeyPose(const ros::Time& stamp, const SlamResult& res
 }
 
 void SlamPublisher::publishTransforms(const ros::Time& stamp, const Pose& pose,
-                                      const std::optional<Pose>& odometry) {
-  const auto send = [&](const Pose& transform, const std::string& child) {
+                                      const std::optional<Pose>& odometry, bool odometry_exists) {
+  const auto send = [&](const ros::Time& at, const Pose& transform, const std::string& child) {
     geometry_msgs::TransformStamped message = tf2::eigenToTransform(toIsometry(transform));
-    message.header.stamp = stamp;
+    message.header.stamp = at;
     message.header.frame_id = parameters_.map_frame;
     message.child_frame_id = child;
     broadcaster_.sendTransform(message);
   };
   if (parameters_.pub_map_odom_transform && odometry) {
-    send(compose(pose, between(*odometry, Pose::Zero())), parameters_.odom_frame);
+    const Pose odometry_frame = compose(pose, between(*odometry, Pose::Zero()));
+    // Nobody shall interpolate between the body and the true frame of the odometry.
+    if (last_without_odometry_) {
+      send(*last_without_odometry_ + ros::Duration(0, 1), odometry_frame, parameters_.odom_frame);
+    }
+    last_without_odometry_.reset();
+    send(stamp, odometry_frame, parameters_.odom_frame);
+  } else if (parameters_.pub_map_odom_transform && !odometry_exists) {
+    send(stamp, pose, parameters_.odom_frame);
+    last_without_odometry_ = stamp;
   }
-  if (parameters_.pub_map_scanmatch_transform) send(pose, parameters_.tf_map_scanmatch_transform_frame_name);
+  if (parameters_.pub_map_scanmatch_transform) {
+    send(stamp, pose, parameters_.tf_map_scanmatch_transform_frame_name);
+  }
+}
+
+void SlamPublisher::publishCloud(const sensor_msgs::LaserScan& scan) {
+  if (cloud_publisher_.getNumSubscribers() > 0)
+    cloud_publisher_.publish(toPointCloud(scan, parameters_.scan));
 }
 
 void SlamPublisher::publishMaps(const ros::Time& stamp, const MultiMap& map) {
@@ -108,6 +125,7 @@ void SlamPublisher::restart() {
   key_poses_.breakChain();
   path_.poses.clear();
   published_updates_.reset();
+  last_without_odometry_.reset();
 }
 
 std::optional<Pose> SlamPublisher::keyPoseAt(const ros::Time& stamp) const {

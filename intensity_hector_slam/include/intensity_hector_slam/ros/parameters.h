@@ -8,6 +8,7 @@
 #include <xmlrpcpp/XmlRpcValue.h>
 
 #include <string>
+#include <vector>
 
 namespace intensity_hector_slam {
 
@@ -23,14 +24,16 @@ struct SlamParameters {
   std::string scan_topic = "scan", sys_msg_topic = "syscommand", pose_update_topic = "poseupdate";
   std::string tf_map_scanmatch_transform_frame_name = "scanmatcher_frame";
   bool use_tf_scan_transformation = true;
+  bool map_with_known_poses = false;
   bool pub_map_odom_transform = true, pub_map_scanmatch_transform = true, pub_odometry = false;
-  bool advertise_map_service = true;
+  bool advertise_map_service = true, output_timing = false;
   int scan_subscriber_queue_size = 5;
-  double transform_tolerance = 0.0;  ///< s
-  double map_pub_period = 2.0;       ///< s
+  double transform_timeout = 0.5;  ///< s
+  double map_pub_period = 2.0;     ///< s
   std::string map_file, save_on_shutdown;
+  std::vector<std::string> warnings;  ///< on parameters of hector_mapping that do nothing here
 
-  /// Whether the pose of the body in the odometry's frame is asked for.
+  /// Whether odometry is the first guess, where it is there.
   bool usesOdometry() const { return slam.guess == Guess::kOdometry && odom_frame != base_frame; }
 };
 

@@ -4,6 +4,7 @@
 #include <intensity_hector_slam/pose.h>
 #include <intensity_hector_slam/scan.h>
 #include <sensor_msgs/LaserScan.h>
+#include <sensor_msgs/PointCloud.h>
 
 #include <Eigen/Geometry>
 
@@ -21,6 +22,10 @@ struct ScanLimits {
 /// @throws std::invalid_argument that says what is malformed
 Scan toScan(const sensor_msgs::LaserScan& message, const Eigen::Isometry3d& sensor_in_body,
             const ScanLimits& limits);
+
+/// The same beams but for their height, in the frame of the scanner; channels: their index and intensity.
+/// @throws std::invalid_argument that says what is malformed
+sensor_msgs::PointCloud toPointCloud(const sensor_msgs::LaserScan& message, const ScanLimits& limits);
 
 /// x, y and yaw.
 Pose toPose(const Eigen::Isometry3d& transform);

@@ -20,7 +20,12 @@ class SlamPublisher {
   /// The pose with its covariance, and the next key pose where it is one.
   void publishPose(const ros::Time& stamp, const SlamResult& result);
   /// @param odometry pose of the body in the odometry's frame, if known
-  void publishTransforms(const ros::Time& stamp, const Pose& pose, const std::optional<Pose>& odometry);
+  /// @param odometry_exists false: there is no such frame, it is taken for that of the body; true, and
+  ///   `odometry` isn't known: it stays where it was in the map
+  void publishTransforms(const ros::Time& stamp, const Pose& pose, const std::optional<Pose>& odometry,
+                         bool odometry_exists);
+  /// The ends of the beams, if somebody wants them.
+  void publishCloud(const sensor_msgs::LaserScan& scan);
   /// Occupancy and reflectivity of the finest level, unless they were published as they are.
   void publishMaps(const ros::Time& stamp, const MultiMap& map);
   nav_msgs::OccupancyGrid occupancyGrid(const ros::Time& stamp, const MultiMap& map) const;
@@ -38,10 +43,11 @@ class SlamPublisher {
   KeyPoses key_poses_;
   nav_msgs::Path path_;                           // of the key poses
   std::optional<std::size_t> published_updates_;  // of the map, when it was last published
+  std::optional<ros::Time> last_without_odometry_;
 
   tf2_ros::TransformBroadcaster broadcaster_;
   ros::Publisher map_publisher_, metadata_publisher_, reflectivity_publisher_, pose_publisher_,
-      update_publisher_, odometry_publisher_, path_publisher_, edge_publisher_;
+      update_publisher_, odometry_publisher_, path_publisher_, edge_publisher_, cloud_publisher_;
 };
 
 }  // namespace intensity_hector_slam

@@ -1,0 +1,124 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// The transforms are heard in the thread that adds scans: what arrives between a question and the request to
+// be woken up can't be missed.
+#include "intensity_hector_slam/ros/scan_queue.h"
+
+#include <tf2_eigen/tf2_eigen.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "intensity_hector_slam/ros/scan_conversion.h"
+
+namespace intensity_hector_slam {
+
+std::string withoutSlash(const std::string& frame) {
+  return !frame.empty() && frame[0] == '/' ? frame.substr(1) : frame;
+}
+
+ScanQueue::ScanQueue(const ros::NodeHandle& node, const Options& options,
+                     std::function<void(const Scan&, const Transforms&)> ready,
+                     std::function<void(const Scan&, const std::string& why)> failed)
+    : options_(options),
+      ready_(std::move(ready)),
+      failed_(std::move(failed)),
+      callback_(buffer_.addTransformableCallback([this](auto&&...) {
+        request_ = 0;
+        advance();
+      })),
+      listener_(buffer_, node, false) {}
+
+ScanQueue::~ScanQueue() {
+  buffer_.removeTransformableCallback(callback_);
+}
+
+void ScanQueue::add(const ScanPointer& scan) {
+  waiting_.push_back(scan);
+  newest_ = std::max(newest_, scan->header.stamp);
+  advance();
+}
+
+std::size_t ScanQueue::restart() {
+  // With simulated time the buffer has cleared itself, and may have heard of new ones since.
+  if (!ros::Time::isSimTime()) buffer_.clear();
+  newest_ = {};
+  body_may_come_ = true;
+  return std::exchange(waiting_, {}).size();
+}
+
+void ScanQueue::advance() {
+  while (!waiting_.empty()) {
+    const Scan& scan = *waiting_.front();
+    const bool asks_for_body = !options_.fixed_frame.empty();
+    std::string why;
+    const bool has_sensor = !options_.use_sensor_frame || knowsSensor(scan, &why);
+    if (!has_sensor && !isLate(&ScanQueue::knowsSensor)) {
+      return wakeUpWith(options_.base_frame, withoutSlash(scan.header.frame_id), scan.header.stamp);
+    }
+    const bool has_body = has_sensor && asks_for_body && knowsBody(scan, &why);
+    if (has_sensor && asks_for_body && !has_body && (options_.needs_body || expectsBody(scan.header.stamp)) &&
+        !isLate(&ScanQueue::knowsBody)) {
+      return wakeUpWith(options_.fixed_frame, options_.base_frame, scan.header.stamp);
+    }
+
+    const ScanPointer done = waiting_.front();
+    waiting_.pop_front();
+    if (!has_sensor || (options_.needs_body && !has_body)) {
+      failed_(*done, why);
+    } else {
+      why_no_body_ = why;
+      body_may_come_ = has_body;
+      body_exists_ = body_exists_ || has_body;
+      ready_(*done, lookup(*done, has_body));
+    }
+  }
+}
+
+bool ScanQueue::knowsSensor(const Scan& scan, std::string* why) const {
+  const std::string frame = withoutSlash(scan.header.frame_id);
+  if (frame.empty() && why != nullptr) *why = "it has no frame_id";
+  return !frame.empty() && (frame == options_.base_frame ||
+                            buffer_.canTransform(options_.base_frame, frame, scan.header.stamp, why));
+}
+
+bool ScanQueue::knowsBody(const Scan& scan, std::string* why) const {
+  return buffer_.canTransform(options_.fixed_frame, options_.base_frame, scan.header.stamp, why);
+}
+
+ScanQueue::Transforms ScanQueue::lookup(const Scan& scan, bool body) const {
+  const auto find = [&](const std::string& target, const std::string& source) {
+    return tf2::transformToEigen(buffer_.lookupTransform(target, source, scan.header.stamp));
+  };
+  Transforms transforms;
+  if (options_.use_sensor_frame) {
+    transforms.sensor_in_body = find(options_.base_frame, withoutSlash(scan.header.frame_id));
+  }
+  if (body) transforms.body = toPose(find(options_.fixed_frame, options_.base_frame));
+  return transforms;
+}
+
+// Whether what the first scan waits for won't come: it took too long, or is there for a later scan already.
+bool ScanQueue::isLate(bool (ScanQueue::*knows)(const Scan&, std::string*) const) const {
+  const std_msgs::Header& first = waiting_.front()->header;
+  if (first.frame_id.empty() || newest_ - first.stamp >= ros::Duration(options_.timeout)) return true;
+  return std::any_of(waiting_.begin() + 1, waiting_.end(), [&](const ScanPointer& scan) {
+    return scan->header.stamp > first.stamp && (this->*knows)(*scan, nullptr);
+  });
+}
+
+// One that was there shortly before the scan goes on, one that never was or has ended isn't waited for.
+bool ScanQueue::expectsBody(const ros::Time& stamp) const {
+  if (body_may_come_) return true;
+  if (!buffer_.canTransform(options_.fixed_frame, options_.base_frame, ros::Time(0))) return false;
+  const ros::Time last =
+      buffer_.lookupTransform(options_.fixed_frame, options_.base_frame, ros::Time(0)).header.stamp;
+  return last + ros::Duration(options_.timeout) > stamp;
+}
+
+void ScanQueue::wakeUpWith(const std::string& target, const std::string& source, const ros::Time& stamp) {
+  if (request_ != 0) buffer_.cancelTransformableRequest(request_);
+  request_ = buffer_.addTransformableRequest(callback_, target, source, stamp);
+}
+
+}  // namespace intensity_hector_slam
