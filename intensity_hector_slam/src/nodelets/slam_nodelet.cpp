@@ -26,25 +26,17 @@
 #include "intensity_hector_slam/ros/parameters.h"
 #include "intensity_hector_slam/ros/reconfiguration.h"
 #include "intensity_hector_slam/ros/scan_conversion.h"
+#include "intensity_hector_slam/ros/scan_counts.h"
 #include "intensity_hector_slam/ros/scan_queue.h"
 #include "intensity_hector_slam/ros/slam_publisher.h"
 
 namespace intensity_hector_slam {
 namespace {
 
-// Why a scan gave no pose: the order of the names given to drops_.
-enum Reason { kNoTransform, kMalformed, kEmptyScan, kRejectedScan, kTimeJump, kPaused };
-
 // Stamps may be out of order by this much before time is said to have jumped back.
 const ros::Duration kOutOfOrder(1.0);
 
 constexpr int kReportsWithoutScan = 5;
-
-// What happened since the last diagnostics.
-struct Activity {
-  std::size_t received = 0, processed = 0, unobservable = 0, without_odometry = 0;
-  double time = 0.0, longest = 0.0;  // s
-};
 
 }  // namespace
 
@@ -62,7 +54,7 @@ class SlamNodelet : public mapping_common::Nodelet {
   void report(const sensor_msgs::LaserScan& message, double time);
   void report(const ScanQueue::Transforms& transforms);
   void timeJumpedBack(const ros::Time& to);
-  void drop(Reason reason, const std::string& why, std::size_t count = 1);
+  void drop(ScanCounts::Reason reason, const std::string& why, std::size_t count = 1);
 
   void initialPose(const geometry_msgs::PoseWithCovarianceStamped& message);
   void systemCommand(const std_msgs::String& message);
@@ -92,10 +84,7 @@ class SlamNodelet : public mapping_common::Nodelet {
   std::vector<ros::ServiceServer> services_;
   ros::WallTimer map_timer_;
 
-  Activity activity_;
-  mapping_common::DropCounts drops_{
-      {"no transform", "malformed", "empty", "rejected", "time jump", "paused"}};
-  std::size_t received_ = 0, processed_ = 0;
+  ScanCounts counts_;
   int reports_without_scan_ = 0;
 };
 
@@ -168,7 +157,7 @@ void SlamNodelet::listen() {
         process(message, transforms);
       },
       [this](const sensor_msgs::LaserScan& message, const std::string& why) {
-        drop(message.header.frame_id.empty() ? kMalformed : kNoTransform, why);
+        drop(message.header.frame_id.empty() ? ScanCounts::kMalformed : ScanCounts::kNoTransform, why);
       });
   scan_subscriber_ = node.subscribe<sensor_msgs::LaserScan>(
       p.scan_topic, p.scan_subscriber_queue_size,
@@ -180,16 +169,11 @@ void SlamNodelet::listen() {
 }
 
 void SlamNodelet::arrived(const ScanQueue::ScanPointer& message) {
-  ++activity_.received;
-  ++received_;
+  counts_.received();
   const ros::Time& stamp = message->header.stamp;
   if (stamp + kOutOfOrder < last_stamp_) timeJumpedBack(stamp);
   last_stamp_ = stamp;
-  if (paused_) {
-    drops_.add(kPaused);
-  } else {
-    queue_->add(message);
-  }
+  queue_->add(message);
 }
 
 // Transforms and waiting scans are of another time now; the map stays. Odometry tells where the body is in
@@ -197,7 +181,8 @@ void SlamNodelet::arrived(const ScanQueue::ScanPointer& message) {
 void SlamNodelet::timeJumpedBack(const ros::Time& to) {
   NODELET_WARN_STREAM("Time jumped back by " << last_stamp_ - to
                                              << " s: transforms are forgotten, the map goes on");
-  if (const std::size_t waiting = queue_->restart()) drop(kTimeJump, "it waited for a transform", waiting);
+  if (const std::size_t waiting = queue_->restart())
+    drop(ScanCounts::kTimeJump, "it waited for a transform", waiting);
   if (!parameters_.usesOdometry() || !queue_->bodyExists()) {
     if (const auto then = publisher_->keyPoseAt(to)) slam_->setPose(*then);
   }
@@ -205,6 +190,7 @@ void SlamNodelet::timeJumpedBack(const ros::Time& to) {
 }
 
 void SlamNodelet::process(const sensor_msgs::LaserScan& message, const ScanQueue::Transforms& transforms) {
+  if (paused_) return counts_.drop(ScanCounts::kPaused);
   const ros::Time& stamp = message.header.stamp;
   try {
     const ros::WallTime start = ros::WallTime::now();
@@ -226,33 +212,30 @@ void SlamNodelet::process(const sensor_msgs::LaserScan& message, const ScanQueue
     }
     report(message, time);
   } catch (const std::invalid_argument& e) {
-    drop(kMalformed, e.what());
+    drop(ScanCounts::kMalformed, e.what());
   }
 }
 
 void SlamNodelet::report(const sensor_msgs::LaserScan& message, double time) {
-  ++processed_;
-  ++activity_.processed;
-  activity_.time += time;
-  activity_.longest = std::max(activity_.longest, time);
-  activity_.unobservable += last_.status == Status::kUnobservable;
+  counts_.processed(last_, time);
   if (parameters_.output_timing) {
     NODELET_INFO_STREAM("Scan of " << message.header.stamp << ": " << toString(last_.status) << ", "
                                    << 1e3 * time << " ms");
   }
   if (last_.gap > 0.0) NODELET_WARN_STREAM("A pause of " << last_.gap << " s before this scan");
   if (last_.status == Status::kEmpty) {
-    drop(kEmptyScan, "fewer than " + std::to_string(parameters_.slam.min_points) + " of its " +
-                         std::to_string(message.ranges.size()) + " points are within the limits");
+    drop(ScanCounts::kEmpty, "fewer than " + std::to_string(parameters_.slam.min_points) + " of its " +
+                                 std::to_string(message.ranges.size()) + " points are within the limits");
   } else if (last_.status == Status::kRejected) {
-    drop(kRejectedScan, std::to_string(static_cast<int>(100.0 * last_.match.contradiction)) +
-                            " % of its points are in free space, or it is too far from the first guess");
+    drop(ScanCounts::kRejected,
+         std::to_string(static_cast<int>(100.0 * last_.match.contradiction)) +
+             " % of its points are in free space, or it is too far from the first guess");
   }
 }
 
 void SlamNodelet::report(const ScanQueue::Transforms& transforms) {
   const bool there = transforms.body.has_value();
-  activity_.without_odometry += !there;
+  counts_.odometry(there, queue_->bodyExists());
   if (!there && queue_->bodyExists()) {
     NODELET_WARN_STREAM_THROTTLE(5.0, "No odometry for a scan: " << queue_->whyNoBody());
   } else if (there != has_odometry_) {
@@ -272,10 +255,10 @@ void SlamNodelet::report(const ScanQueue::Transforms& transforms) {
   }
 }
 
-void SlamNodelet::drop(Reason reason, const std::string& why, std::size_t count) {
-  drops_.add(reason, count);
+void SlamNodelet::drop(ScanCounts::Reason reason, const std::string& why, std::size_t count) {
+  counts_.drop(reason, count);
   NODELET_WARN_STREAM_THROTTLE(
-      5.0, "No pose from a scan (" << drops_.name(reason) << "): " << why << ". So far: " << drops_.text());
+      5.0, "No pose from a scan (" << counts_.name(reason) << "): " << why << ". So far: " << counts_.text());
 }
 
 // -----------------------------------------------------------------------------------------------------
@@ -372,43 +355,16 @@ void SlamNodelet::reconfigure(const SlamConfig& config) {
 
 void SlamNodelet::report() {
   Nodelet::report();
-  if (received_ == 0 && ++reports_without_scan_ == kReportsWithoutScan) {
-    NODELET_WARN_STREAM("There is no scan on " << scan_subscriber_.getTopic() << " yet, and "
-                                               << scan_subscriber_.getNumPublishers() << " who publish it");
+  if (counts_.allReceived() == 0 && ++reports_without_scan_ == kReportsWithoutScan) {
+    NODELET_WARN_STREAM(whyNoScan(scan_subscriber_.getTopic()));
   }
-  drops_.endReport();
-  activity_ = {};
+  counts_.endReport();
 }
 
 void SlamNodelet::diagnoseScans(StatusWrapper& status) {
-  using diagnostic_msgs::DiagnosticStatus;
-  const double seconds = reportedTime();
-  if (paused_) {
-    status.summary(DiagnosticStatus::OK, "Paused");
-  } else if (drops_.recent() > 0) {
-    status.summaryf(DiagnosticStatus::WARN, "%zu scans without a pose", drops_.recent());
-  } else if (activity_.processed == 0 && queue_->waiting() > 0) {
-    status.summaryf(DiagnosticStatus::WARN, "%zu scans wait for transforms", queue_->waiting());
-  } else if (activity_.without_odometry > 0 && queue_->bodyExists()) {
-    status.summaryf(DiagnosticStatus::WARN, "%zu scans without odometry", activity_.without_odometry);
-  } else if (activity_.unobservable > 0) {
-    status.summaryf(DiagnosticStatus::WARN, "%zu scans don't tell the whole pose", activity_.unobservable);
-  } else {
-    status.summary(DiagnosticStatus::OK, activity_.processed == 0        ? "No input"
-                                         : slam_->options().localization ? "Localizing"
-                                                                         : "Mapping");
-  }
-  status.addf("Scans (Hz)", "%.1f", static_cast<double>(activity_.received) / seconds);
-  status.add("Processed", processed_);
-  status.add("Waiting for transforms", queue_->waiting());
-  drops_.addTo(status, "Without a pose");
-  status.add("Odometry", asks_for_body_ && processed_ > 0 && has_odometry_ ? "used" : "none");
-  status.addf("Time, mean (ms)", "%.3f",
-              activity_.processed > 0 ? 1e3 * activity_.time / activity_.processed : 0.0);
-  status.addf("Time, longest (ms)", "%.3f", 1e3 * activity_.longest);
-  status.add("Last scan", processed_ > 0 ? toString(last_.status) : "");
-  status.add("Last cost", last_.match.iterations > 0 ? toString(last_.match.cost) : "");
-  status.addf("Last contradiction", "%.3f", last_.match.contradiction);
+  counts_.addTo(status, reportedTime(), queue_->waiting(),
+                slam_->options().localization ? "Localizing" : "Mapping");
+  if (paused_) status.summary(diagnostic_msgs::DiagnosticStatus::OK, "Paused");
 }
 
 void SlamNodelet::diagnoseMap(StatusWrapper& status) {

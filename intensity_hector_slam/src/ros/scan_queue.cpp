@@ -49,28 +49,33 @@ std::size_t ScanQueue::restart() {
 
 void ScanQueue::advance() {
   while (!waiting_.empty()) {
-    const Scan& scan = *waiting_.front();
-    const bool asks_for_body = !options_.fixed_frame.empty();
+    const ScanPointer scan = waiting_.front();
+    const std_msgs::Header& header = scan->header;
     std::string why;
-    const bool has_sensor = !options_.use_sensor_frame || knowsSensor(scan, &why);
-    if (!has_sensor && !isLate(&ScanQueue::knowsSensor)) {
-      return wakeUpWith(options_.base_frame, withoutSlash(scan.header.frame_id), scan.header.stamp);
+    const bool has_sensor = !options_.use_sensor_frame || knowsSensor(*scan, &why);
+    bool failed = !has_sensor;
+    if (!has_sensor && !isLate() && !isOvertaken(&ScanQueue::knowsSensor)) {
+      return wakeUpWith(options_.base_frame, withoutSlash(header.frame_id), header.stamp);
     }
-    const bool has_body = has_sensor && asks_for_body && knowsBody(scan, &why);
-    if (has_sensor && asks_for_body && !has_body && (options_.needs_body || expectsBody(scan.header.stamp)) &&
-        !isLate(&ScanQueue::knowsBody)) {
-      return wakeUpWith(options_.fixed_frame, options_.base_frame, scan.header.stamp);
+    bool has_body = false;
+    if (has_sensor && !options_.fixed_frame.empty()) {
+      has_body = knowsBody(*scan, &why);
+      // At the start and after a jump of time, scans may be older than all odometry.
+      const bool overtaken = !has_body && isOvertaken(&ScanQueue::knowsBody);
+      if (!has_body && !overtaken && !isLate() && (options_.needs_body || expectsBody(header.stamp))) {
+        return wakeUpWith(options_.fixed_frame, options_.base_frame, header.stamp);
+      }
+      failed = overtaken || (options_.needs_body && !has_body);
     }
 
-    const ScanPointer done = waiting_.front();
     waiting_.pop_front();
-    if (!has_sensor || (options_.needs_body && !has_body)) {
-      failed_(*done, why);
+    if (failed) {
+      failed_(*scan, why);
     } else {
       why_no_body_ = why;
       body_may_come_ = has_body;
       body_exists_ = body_exists_ || has_body;
-      ready_(*done, lookup(*done, has_body));
+      ready_(*scan, lookup(*scan, has_body));
     }
   }
 }
@@ -98,12 +103,17 @@ ScanQueue::Transforms ScanQueue::lookup(const Scan& scan, bool body) const {
   return transforms;
 }
 
-// Whether what the first scan waits for won't come: it took too long, or is there for a later scan already.
-bool ScanQueue::isLate(bool (ScanQueue::*knows)(const Scan&, std::string*) const) const {
+// Whether the first scan has waited for too long.
+bool ScanQueue::isLate() const {
   const std_msgs::Header& first = waiting_.front()->header;
-  if (first.frame_id.empty() || newest_ - first.stamp >= ros::Duration(options_.timeout)) return true;
+  return first.frame_id.empty() || newest_ - first.stamp >= ros::Duration(options_.timeout);
+}
+
+// Whether it won't get what it waits for, as a later one has it already.
+bool ScanQueue::isOvertaken(bool (ScanQueue::*knows)(const Scan&, std::string*) const) const {
+  const ros::Time& first = waiting_.front()->header.stamp;
   return std::any_of(waiting_.begin() + 1, waiting_.end(), [&](const ScanPointer& scan) {
-    return scan->header.stamp > first.stamp && (this->*knows)(*scan, nullptr);
+    return scan->header.stamp > first && (this->*knows)(*scan, nullptr);
   });
 }
 

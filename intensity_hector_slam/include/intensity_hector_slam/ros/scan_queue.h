@@ -59,7 +59,8 @@ class ScanQueue {
   bool knowsSensor(const Scan& scan, std::string* why) const;
   bool knowsBody(const Scan& scan, std::string* why) const;
   Transforms lookup(const Scan& scan, bool body) const;
-  bool isLate(bool (ScanQueue::*knows)(const Scan&, std::string*) const) const;
+  bool isLate() const;
+  bool isOvertaken(bool (ScanQueue::*knows)(const Scan&, std::string*) const) const;
   bool expectsBody(const ros::Time& stamp) const;
   void wakeUpWith(const std::string& target, const std::string& source, const ros::Time& stamp);
 
