@@ -73,7 +73,7 @@ void Slam::check(const Scan& scan) const {
 SlamResult Slam::process(const Scan& scan, const std::optional<Pose>& odometry) {
   check(scan);
   SlamResult result;
-  predict(scan.stamp, odometry, result);
+  predict(scan, odometry, result);
   if (static_cast<int>(scan.points.size()) < options_.min_points) {
     result.status = Status::kEmpty;
     result.pose = result.guess;
@@ -116,7 +116,8 @@ SlamResult Slam::insert(const Scan& scan, const Pose& pose) {
 }
 
 // The first guess.
-void Slam::predict(double stamp, const std::optional<Pose>& odometry, SlamResult& result) {
+void Slam::predict(const Scan& scan, const std::optional<Pose>& odometry, SlamResult& result) {
+  const double stamp = scan.stamp;
   const double elapsed = last_stamp_ ? stamp - *last_stamp_ : 0.0;
   result.time_jumped_back = elapsed < -options_.max_gap;  // less is out of order
   if (elapsed > options_.max_gap) result.gap = elapsed;
@@ -126,20 +127,32 @@ void Slam::predict(double stamp, const std::optional<Pose>& odometry, SlamResult
     velocity_known_ = false;
   }
 
+  const Pose steady = follows && elapsed > 0.0 ? Pose(velocity_ * elapsed) : Pose::Zero();
   Pose motion = Pose::Zero();
   if (options_.guess == Guess::kOdometry && odometry && last_odometry_) {
     motion = between(*last_odometry_, *odometry);
-    result.odometry_jumped = motion.head<2>().norm() > options_.max_speed * std::abs(elapsed) ||
-                             std::abs(motion.z()) > options_.max_turn_rate * std::abs(elapsed);
+    result.odometry_jumped = hasJumped(scan, motion, steady, elapsed);
     if (result.odometry_jumped) {
-      motion = velocity_ * elapsed;
+      motion = steady;
     } else if (follows && elapsed > 0.0) {
       velocity_ = motion / elapsed;
     }
-  } else if (options_.guess != Guess::kLastPose && follows && elapsed > 0.0) {
-    motion = velocity_ * elapsed;
+  } else if (options_.guess != Guess::kLastPose) {
+    motion = steady;
   }
   result.guess = compose(pose_, motion);
+}
+
+// Odometry that is faster than the body can be has jumped, or its stamps are wrong: the map knows.
+bool Slam::hasJumped(const Scan& scan, const Pose& motion, const Pose& steady, double elapsed) {
+  const bool plausible = motion.head<2>().norm() <= options_.max_speed * std::abs(elapsed) &&
+                         std::abs(motion.z()) <= options_.max_turn_rate * std::abs(elapsed);
+  if (plausible || map_.updates() == 0 || static_cast<int>(scan.points.size()) < options_.min_points)
+    return false;
+  const auto score = [&](const Pose& by) {
+    return matcher_.match(map_, scan, compose(pose_, by), true).score();
+  };
+  return score(steady) > score(motion) + options_.matcher.search_min_gain;
 }
 
 // Whether the first guess may be farther from the pose than the iterations reach.

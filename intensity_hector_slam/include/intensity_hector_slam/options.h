@@ -134,7 +134,7 @@ struct SlamOptions {
       0.6;  ///< share of the points in space known as free beyond which a match is rejected
   double max_correction_distance = 0.5;    ///< m, by which a match may differ from the first guess
   double max_correction_angle = 0.7;       ///< rad
-  double max_speed = 5.0;                  ///< m/s, odometry that moves faster has jumped
+  double max_speed = 5.0;                  ///< m/s, faster odometry may have jumped
   double max_turn_rate = 10.0;             ///< rad/s
   double max_acceleration = 5.0;           ///< m/s^2, by which the velocity of the first guess changes
   double max_angular_acceleration = 15.0;  ///< rad/s^2

@@ -27,7 +27,7 @@ struct SlamResult {
   Pose guess = Pose::Zero();                             ///< where the match began
   Match match;  ///< of no meaning where the status is kStarted or kEmpty
   bool map_updated = false;
-  bool odometry_jumped = false;   ///< faster than the body can move: it isn't the guess
+  bool odometry_jumped = false;  ///< faster than the body can move, and the map denies it: it isn't the guess
   bool time_jumped_back = false;  ///< by more than SlamOptions::max_gap: no velocity holds
   double gap = 0.0;               ///< s, a pause before this scan longer than SlamOptions::max_gap, else 0
 };
@@ -63,7 +63,8 @@ class Slam {
 
  private:
   void check(const Scan& scan) const;
-  void predict(double stamp, const std::optional<Pose>& odometry, SlamResult& result);
+  void predict(const Scan& scan, const std::optional<Pose>& odometry, SlamResult& result);
+  bool hasJumped(const Scan& scan, const Pose& motion, const Pose& steady, double elapsed);
   bool isUnsure(double stamp, bool odometry, const SlamResult& result) const;
   void follow(const Scan& scan, bool unsure, SlamResult& result);
   void addUncertainty(const Eigen::Vector3d& motion, SlamResult& result) const;
