@@ -243,7 +243,7 @@ void SlamNodelet::report(const ScanQueue::Transforms& transforms) {
       NODELET_INFO_STREAM("Odometry comes from " << parameters_.odom_frame);
     } else {
       NODELET_WARN_STREAM("Mapping goes on without odometry, which is used once tf has it: "
-                          << queue_->whyNoBody() << " If there is none, set odom_frame to "
+                          << queue_->whyNoBody() << ". If there is none, set odom_frame to "
                           << parameters_.base_frame);
     }
   }

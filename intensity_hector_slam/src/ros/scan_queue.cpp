@@ -13,6 +13,17 @@
 
 namespace intensity_hector_slam {
 
+namespace {
+
+// Without the name of tf2's function, and without the full stop that some of its sentences have.
+std::string asClause(std::string why) {
+  const std::string function = "canTransform: ";
+  for (std::size_t at; (at = why.find(function)) != std::string::npos;) why.erase(at, function.size());
+  return why.substr(0, why.find_last_not_of(". ") + 1);
+}
+
+}  // namespace
+
 std::string withoutSlash(const std::string& frame) {
   return !frame.empty() && frame[0] == '/' ? frame.substr(1) : frame;
 }
@@ -70,9 +81,9 @@ void ScanQueue::advance() {
 
     waiting_.pop_front();
     if (failed) {
-      failed_(*scan, why);
+      failed_(*scan, asClause(why));
     } else {
-      why_no_body_ = why;
+      why_no_body_ = asClause(why);
       body_may_come_ = has_body;
       body_exists_ = body_exists_ || has_body;
       ready_(*scan, lookup(*scan, has_body));
