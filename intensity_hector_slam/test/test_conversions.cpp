@@ -38,6 +38,23 @@ TEST(ToScan, LeavesOutWhatWasNotMeasured) {
   EXPECT_FLOAT_EQ(0.006F, converted.times[1]);
 }
 
+TEST(ToScan, LeavesOutRawIntensities) {
+  auto scan = message({1.0F, 2.0F, 3.0F});
+  scan.intensities = {0.5F, 1000.0F, 0.7F};  // one of a reflector
+  bool raw = true;
+  EXPECT_EQ(3u, toScan(scan, Eigen::Isometry3d::Identity(), {}, &raw).reflectivities.size());
+  EXPECT_FALSE(raw);
+  scan.intensities = {800.0F, 1000.0F, std::nanf("")};
+  const Scan converted = toScan(scan, Eigen::Isometry3d::Identity(), {}, &raw);
+  EXPECT_TRUE(raw);
+  EXPECT_EQ(3u, converted.points.size());
+  EXPECT_TRUE(converted.reflectivities.empty());
+  ScanLimits limits;
+  limits.reflectivity_scale = 0.001;
+  EXPECT_EQ(3u, toScan(scan, Eigen::Isometry3d::Identity(), limits, &raw).reflectivities.size());
+  EXPECT_FALSE(raw);
+}
+
 TEST(ToScan, IsInTheFrameOfTheBody) {
   Eigen::Isometry3d mount(Eigen::AngleAxisd(M_PI / 2.0, Eigen::Vector3d::UnitZ()));
   mount.translation() << 1.0, 2.0, 0.3;

@@ -118,6 +118,7 @@ TEST(Parameters, AreThoseOfTheFileThatShips) {
                                p.scan.min_z,
                                p.scan.max_z,
                                p.scan.reflectivity_scale,
+                               p.scan.max_median_reflectivity,
                                p.key_pose_distance,
                                p.key_pose_angle,
                                p.map_pub_period,

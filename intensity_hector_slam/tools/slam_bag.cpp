@@ -77,6 +77,10 @@ void run(const Arguments& a) {
     percent = now;
   });
   std::cerr << '\n';
+  if (result.raw_intensities) {
+    std::cerr
+        << "slam_bag: raw intensities are left out, --reflectivity-scale is to make them about 0 to 1\n";
+  }
   if (result.scanner_is_body) std::cerr << "slam_bag: the scanner is the body, its mounting isn't used\n";
 
   writeTum(a.out + "/trajectory.tum", result);

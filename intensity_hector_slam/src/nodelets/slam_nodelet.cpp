@@ -194,7 +194,13 @@ void SlamNodelet::process(const sensor_msgs::LaserScan& message, const ScanQueue
   const ros::Time& stamp = message.header.stamp;
   try {
     const ros::WallTime start = ros::WallTime::now();
-    const Scan scan = toScan(message, transforms.sensor_in_body, parameters_.scan);
+    bool raw = false;
+    const Scan scan = toScan(message, transforms.sensor_in_body, parameters_.scan, &raw);
+    if (raw) {
+      NODELET_WARN_STREAM_ONCE(
+          "Raw intensities are left out: with reflectivity_scale they are to be about 0 "
+          "(black) to 1 (white paper)");
+    }
     if (parameters_.map_with_known_poses) {
       last_ = slam_->insert(scan, *transforms.body);
     } else {

@@ -121,7 +121,9 @@ BagResult runBag(const BagOptions& options, const SlamParameters& parameters,
         odometry =
             toPose(lookup(*transforms, withoutSlash(options.odom_frame), parameters.base_frame, stamp));
       }
-      const Scan scan = toScan(*message, sensor, parameters.scan);
+      bool raw = false;
+      const Scan scan = toScan(*message, sensor, parameters.scan, &raw);
+      result.raw_intensities = result.raw_intensities || raw;
       const auto start = std::chrono::steady_clock::now();
       const SlamResult processed = slam.process(scan, odometry);
       const std::chrono::duration<double> time = std::chrono::steady_clock::now() - start;

@@ -134,6 +134,7 @@ SlamParameters readSlamParameters(mapping_common::Parameters& p) {
   s.scan.min_z = p.get("laser_z_min_value", s.scan.min_z, -1e4, 1e4);
   s.scan.max_z = p.get("laser_z_max_value", s.scan.max_z, s.scan.min_z, 1e4);
   s.scan.reflectivity_scale = p.get("reflectivity_scale", s.scan.reflectivity_scale, 1e-9, 1e9);
+  s.scan.max_median_reflectivity = p.get("max_median_reflectivity", s.scan.max_median_reflectivity, 0.0, 1e9);
   s.start = {p.get("start/x", 0.0, -1e6, 1e6), p.get("start/y", 0.0, -1e6, 1e6),
              p.get("start/yaw", 0.0, -2.0 * M_PI, 2.0 * M_PI)};
   s.key_pose_distance = p.get("key_pose_distance", s.key_pose_distance, 1e-3, 1e4);

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 namespace intensity_hector_slam {
 namespace {
@@ -36,10 +37,20 @@ void forEachEnd(const sensor_msgs::LaserScan& message, const ScanLimits& limits,
   }
 }
 
+// Of those that are known; 0 without any.
+float median(std::vector<float> values) {
+  values.erase(std::remove_if(values.begin(), values.end(), [](float v) { return !std::isfinite(v); }),
+               values.end());
+  if (values.empty()) return 0.0F;
+  const auto middle = values.begin() + values.size() / 2;
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
 }  // namespace
 
 Scan toScan(const sensor_msgs::LaserScan& message, const Eigen::Isometry3d& sensor_in_body,
-            const ScanLimits& limits) {
+            const ScanLimits& limits, bool* raw) {
   Scan scan;
   scan.stamp = message.header.stamp.toSec();
   scan.origin = sensor_in_body.translation().head<2>().cast<float>();
@@ -57,6 +68,9 @@ Scan toScan(const sensor_msgs::LaserScan& message, const Eigen::Isometry3d& sens
       scan.times.push_back(static_cast<float>(beam * message.time_increment));
     }
   });
+  const bool is_raw = median(scan.reflectivities) > limits.max_median_reflectivity;
+  if (is_raw) scan.reflectivities.clear();
+  if (raw != nullptr) *raw = is_raw;
   return scan;
 }
 

@@ -29,6 +29,7 @@ struct BagResult {
   std::vector<Edge> edges;
   MultiMap map;
   std::map<std::string, std::size_t> dropped;  ///< scans, by the reason
+  bool raw_intensities = false;                ///< some were left out, see ScanLimits
   bool scanner_is_body =
       false;  ///< the bag doesn't tell where the scanner is mounted: the poses are the scanner's
 };
