@@ -65,7 +65,7 @@ void ScanQueue::advance() {
     std::string why;
     const bool has_sensor = !options_.use_sensor_frame || knowsSensor(*scan, &why);
     bool failed = !has_sensor;
-    if (!has_sensor && !isLate() && !isOvertaken(&ScanQueue::knowsSensor)) {
+    if (!has_sensor && !header.frame_id.empty() && !isLate() && !isOvertaken(&ScanQueue::knowsSensor)) {
       return wakeUpWith(options_.base_frame, withoutSlash(header.frame_id), header.stamp);
     }
     bool has_body = false;
@@ -116,8 +116,7 @@ ScanQueue::Transforms ScanQueue::lookup(const Scan& scan, bool body) const {
 
 // Whether the first scan has waited for too long.
 bool ScanQueue::isLate() const {
-  const std_msgs::Header& first = waiting_.front()->header;
-  return first.frame_id.empty() || newest_ - first.stamp >= ros::Duration(options_.timeout);
+  return newest_ - waiting_.front()->header.stamp >= ros::Duration(options_.timeout);
 }
 
 // Whether it won't get what it waits for, as a later one has it already.
