@@ -74,7 +74,14 @@ class RoomDrive {
     return next;
   }
   bool isAt(int i) const { return !poses_.empty() && poses_.back().header.stamp == ros::Time(timeOf(i)); }
-  double errorAt(int i) const { return (toPose(poses_.back().pose) - bagPoseAt(0.1 * i)).head<2>().norm(); }
+  /// The map begins where the first scan was that had transforms.
+  Pose roomInMap() const {
+    const double time = (poses_.front().header.stamp - ros::Time(kBagStart)).toSec();
+    return compose(toPose(poses_.front().pose), between(bagPoseAt(time), Pose::Zero()));
+  }
+  double errorAt(int i) const {
+    return (toPose(poses_.back().pose) - compose(roomInMap(), bagPoseAt(0.1 * i))).head<2>().norm();
+  }
 
   void gotPose(const geometry_msgs::PoseStamped& pose) { poses_.push_back(pose); }
 
