@@ -229,7 +229,7 @@ TEST(Slam, InsertsAtPosesThatAreKnown) {
     EXPECT_EQ(pose, result.pose);
     matching.process(scanAt(kPeriod * i));
   }
-  EXPECT_GT(slam.map().updates(), 4u);
+  EXPECT_GE(slam.map().updates(), 4u);  // each half second at least
   EXPECT_LT(slam.map().updates(), 40u);
   // Who goes on by matching finds where he is.
   EXPECT_EQ(Status::kMatched, slam.process(scanAt(2.0)).status);
