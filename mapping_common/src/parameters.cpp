@@ -2,7 +2,9 @@
 #include "mapping_common/parameters.h"
 
 #include <algorithm>
+#include <numeric>
 #include <type_traits>
+#include <utility>
 
 namespace mapping_common {
 namespace {
@@ -45,6 +47,21 @@ std::string join(const Names& names, const std::string& before) {
   std::string text;
   for (const std::string& name : names) text += (text.empty() ? before : ", " + before) + name;
   return text;
+}
+
+// Levenshtein's: letters to insert, remove or replace.
+std::size_t editDistance(const std::string& a, const std::string& b) {
+  std::vector<std::size_t> row(b.size() + 1);  // distances from the first i letters of a to those of b
+  std::iota(row.begin(), row.end(), 0);
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    std::size_t diagonal = std::exchange(row[0], i + 1);
+    for (std::size_t j = 0; j < b.size(); ++j) {
+      const std::size_t replaced = diagonal + (a[i] != b[j]);
+      diagonal = row[j + 1];
+      row[j + 1] = std::min({replaced, diagonal + 1, row[j] + 1});
+    }
+  }
+  return row.back();
 }
 
 }  // namespace
@@ -110,7 +127,14 @@ void Parameters::rejectUnknown(const std::vector<std::string>& except) const {
   };
   std::vector<std::string> unknown;
   for (const auto& [name, value] : values_) {
-    if (!expected(name)) unknown.push_back(name);
+    if (expected(name)) continue;
+    unknown.push_back(name);
+    const auto closest = std::min_element(names_.begin(), names_.end(), [&](const auto& a, const auto& b) {
+      return editDistance(name, a) < editDistance(name, b);
+    });
+    if (closest != names_.end() && 3 * editDistance(name, *closest) <= name.size()) {
+      unknown.back() += " (~" + *closest + "?)";
+    }
   }
   if (!unknown.empty()) {
     throw std::invalid_argument("unknown: " + join(unknown, "~") + "; the parameters are " +

@@ -56,6 +56,17 @@ TEST(Parameters, UnknownOnesAreRejected) {
   EXPECT_EQ("", rejection([&] { p.rejectUnknown({"model/", "on"}); }));
 }
 
+TEST(Parameters, MisspeltOnesAreGuessed) {
+  XmlRpc::XmlRpcValue all;
+  all["robust_kernal"] = "cauchy";
+  all["odometry"] = true;
+  Parameters p(all);
+  p.get("robust_kernel", std::string());
+  p.get("robust_scale", 1.0);
+  EXPECT_TRUE(mentions(rejection([&] { p.rejectUnknown(); }),
+                       {"unknown: ~odometry, ~robust_kernal (~robust_kernel?);"}));
+}
+
 }  // namespace
 }  // namespace mapping_common
 

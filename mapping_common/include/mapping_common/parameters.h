@@ -42,7 +42,8 @@ class Parameters {
                      const std::vector<std::string>& allowed);
 
   /// @param except how the names start that somebody else reads, e.g. "reconfigure/"
-  /// @throws std::invalid_argument that names the parameters nobody asked for, and those there are
+  /// @throws std::invalid_argument that names the parameters nobody asked for, what may be meant, and those
+  /// there are
   void rejectUnknown(const std::vector<std::string>& except = {}) const;
   /// All that was asked for.
   const std::set<std::string>& names() const { return names_; }
