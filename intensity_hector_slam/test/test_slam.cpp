@@ -258,6 +258,31 @@ TEST(Slam, SearchesAfterALongWay) {
   }
 }
 
+// Odometry slips farther than the iterations on a single level reach, and nothing but the match says so.
+TEST(Slam, SearchesWhereAMatchContradictsTheMap) {
+  const double later = 4.0;
+  const Pose odometry = compose(truthAt(later), {0.28, -0.25, 0.3});
+  for (const bool search : {false, true}) {
+    SlamOptions options;
+    options.matcher.cost = Cost::kOccupancy;
+    options.matcher.search_motion_distance = options.matcher.search_motion_angle = 10.0;
+    options.max_speed = options.max_turn_rate = 100.0;
+    options.map.levels = 1;
+    if (!search) options.matcher.search_contradiction = 1.0;
+    Slam slam(options);
+    for (int i = 0; i < 80; ++i) slam.process(scanAt(kPeriod * i), truthAt(kPeriod * i));
+    const SlamResult result = slam.process(scanAt(later), odometry);
+    EXPECT_EQ(Status::kMatched, result.status);
+    EXPECT_EQ(search, result.match.searched);
+    if (search) {
+      EXPECT_LT(errorOf(result.pose, later), 0.03);
+    } else {
+      EXPECT_GT(errorOf(result.pose, later), 0.2);
+      EXPECT_GT(result.match.contradiction, SlamOptions().matcher.search_contradiction);
+    }
+  }
+}
+
 TEST(Slam, DeskewsAFastTurn) {
   // The scanner takes 40 ms for a sweep, the body turns at 1.5 rad/s.
   const auto sweep = [](int k) {
