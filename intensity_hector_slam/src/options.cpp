@@ -68,6 +68,7 @@ void MatcherOptions::validate() const {
   require("min_step_distance", min_step_distance, 0.0, max_step_distance);
   require("min_step_angle", min_step_angle, 0.0, max_step_angle);
   require("coarse_step", coarse_step, 0.0, 1.0);
+  require("coarse_spacing", coarse_spacing, 0.0, 100.0);
   require("min_cost_change", min_cost_change, 0.0, 1.0);
   require("coarse_points", coarse_points, 1, 1e6);
   require("surface_length", surface_length, 1e-3, 100.0);

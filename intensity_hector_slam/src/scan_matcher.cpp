@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 #include "interpolation.h"
 #include "residuals.h"
@@ -114,42 +115,72 @@ ScanMatcher::ScanMatcher(const MatcherOptions& options) : options_(options) {
   options_.validate();
 }
 
-// Every 2^(levels - 1)th beam comes first, and so on, so that the first n / 2^k are evenly spread over the
-// scan.
-void ScanMatcher::prepare(const Scan& scan, int levels) {
-  const std::size_t n = scan.points.size(), padded = (n + kLanes - 1) / kLanes * kLanes;
-  beams_.order.clear();
-  std::size_t step = std::size_t{1} << (levels - 1);
-  for (std::size_t i = 0; i < n; i += step) beams_.order.push_back(i);
-  for (; step > 1; step /= 2) {
-    for (std::size_t i = step / 2; i < n; i += step) beams_.order.push_back(i);
+void ScanMatcher::Beams::reset(std::size_t n) {
+  count = n;
+  for (auto* values : {&x, &y, &reflectivity, &known, &valid}) {
+    values->assign((n + kLanes - 1) / kLanes * kLanes, 0.0f);
   }
-  for (auto* values : {&beams_.x, &beams_.y, &beams_.reflectivity, &beams_.known, &beams_.valid}) {
-    values->assign(padded, 0.0f);
-  }
+}
+
+void ScanMatcher::prepare(const Scan& scan) {
+  const std::size_t n = scan.points.size();
+  beams_.reset(n);
   double sum = 0.0;
   std::size_t known = 0;
   for (std::size_t i = 0; i < n; ++i) {
-    const std::size_t beam = beams_.order[i];
-    beams_.x[i] = scan.points[beam].x();
-    beams_.y[i] = scan.points[beam].y();
+    beams_.x[i] = scan.points[i].x();
+    beams_.y[i] = scan.points[i].y();
     beams_.valid[i] = 1.0f;
-    if (!scan.reflectivities.empty() && std::isfinite(scan.reflectivities[beam])) {
-      beams_.reflectivity[i] = scan.reflectivities[beam];
+    if (!scan.reflectivities.empty() && std::isfinite(scan.reflectivities[i])) {
+      beams_.reflectivity[i] = scan.reflectivities[i];
       beams_.known[i] = 1.0f;
       ++known;
     }
-    sum += scan.points[beam].norm();
+    sum += scan.points[i].norm();
   }
-  beams_.count = n;
   beams_.mean_range = n > 0 ? std::max(0.1, sum / n) : 1.0;
   beams_.share_known = n > 0 ? static_cast<double>(known) / n : 0.0;
 }
 
+// Neighbouring beams that end within a distance (m) of the first become one, their mean. A person near by has
+// as many beams as a wall far away, on a tenth of its length, and would hold the pose as firmly. Every
+// 2^(levels - 1)th comes first, and so on, so that the first n / 2^k are evenly spread over the scan.
+void ScanMatcher::thinOut(double spacing, int levels) {
+  const float square = static_cast<float>(spacing * spacing);
+  begins_.clear();
+  for (std::size_t i = 0; i < beams_.count; ++i) {
+    const std::size_t first = begins_.empty() ? i : begins_.back();
+    const float dx = beams_.x[i] - beams_.x[first], dy = beams_.y[i] - beams_.y[first];
+    if (i == first || dx * dx + dy * dy >= square) begins_.push_back(i);
+  }
+  const std::size_t n = begins_.size();
+  begins_.push_back(beams_.count);
+  thinned_.reset(n);
+  std::size_t next = 0;
+  const auto add = [&](std::size_t group) {
+    const std::size_t begin = begins_[group], end = begins_[group + 1];
+    const auto sum = [&](const std::vector<float>& values) {
+      return std::accumulate(values.begin() + begin, values.begin() + end, 0.0f);
+    };
+    const float known = sum(beams_.known);
+    thinned_.x[next] = sum(beams_.x) / (end - begin);
+    thinned_.y[next] = sum(beams_.y) / (end - begin);
+    thinned_.valid[next] = 1.0f;
+    thinned_.known[next] = std::min(known, 1.0f);
+    thinned_.reflectivity[next] = sum(beams_.reflectivity) / std::max(known, 1.0f);
+    ++next;
+  };
+  std::size_t step = std::size_t{1} << (levels - 1);
+  for (std::size_t i = 0; i < n; i += step) add(i);
+  for (; step > 1; step /= 2) {
+    for (std::size_t i = step / 2; i < n; i += step) add(i);
+  }
+}
+
 ScanMatcher::Linearization ScanMatcher::linearize(const GridMap& map, const Scan& scan, const Pose& pose,
                                                   Cost cost) {
-  prepare(scan, 1);
-  return linearize(map, pose, cost, scan.points.size());
+  prepare(scan);
+  return linearize(map, beams_, pose, cost, beams_.count);
 }
 
 // Of one kind of residuals in a cost.
@@ -163,7 +194,8 @@ float ScanMatcher::weightOf(Cost kind, Cost cost) const {
 // @param use called with the index of the first, the map's values and the derivatives of S_i by the angle, in
 // cells
 template <class Use>
-void ScanMatcher::forBeams(const GridMap& map, const Pose& pose, std::size_t count, const Use& use) const {
+void ScanMatcher::forBeams(const GridMap& map, const Beams& beams, const Pose& pose, std::size_t count,
+                           const Use& use) const {
   // From the body's frame to coordinates in which cell (0, 0) has its centre at (0, 0): Eq. 3.7 in cells.
   const double cells = 1.0 / map.resolution();
   const float c = cells * std::cos(pose.z()), s = cells * std::sin(pose.z());
@@ -176,7 +208,7 @@ void ScanMatcher::forBeams(const GridMap& map, const Pose& pose, std::size_t cou
   // So that conversion to int rounds down what is just outside; far outside stays outside.
   const Array4f max_u = Array4f::Constant(map.width() + 1.0f), max_v = Array4f::Constant(map.height() + 1.0f);
   for (std::size_t first = 0; first < count; first += kLanes) {
-    const Eigen::Map<const Array4f> x(&beams_.x[first]), y(&beams_.y[first]);
+    const Eigen::Map<const Array4f> x(&beams.x[first]), y(&beams.y[first]);
     const Array4f dx_dtheta = -s * x - c * y, dy_dtheta = c * x - s * y;
     const Array4f u = dy_dtheta + u0, v = v0 - dx_dtheta;
     const Array4f u1 = (u + 1.0f).max(0.0f).min(max_u), v1 = (v + 1.0f).max(0.0f).min(max_v);
@@ -197,19 +229,19 @@ void ScanMatcher::forBeams(const GridMap& map, const Pose& pose, std::size_t cou
 }
 
 // Eq. 3.9 and, with 1 - M(S_i) for the residual, Hector SLAM's.
-ScanMatcher::Linearization ScanMatcher::linearize(const GridMap& map, const Pose& pose, Cost cost,
-                                                  std::size_t count) const {
+ScanMatcher::Linearization ScanMatcher::linearize(const GridMap& map, const Beams& beams, const Pose& pose,
+                                                  Cost cost, std::size_t count) const {
   const float occupancy_weight = weightOf(Cost::kOccupancy, cost),
               reflectivity_weight = weightOf(Cost::kReflectivity, cost);
   Sums occupancy(options_.robust_kernel, options_.robust_scale), reflectivity = occupancy;
-  forBeams(map, pose, count,
+  forBeams(map, beams, pose, count,
            [&](std::size_t first, const auto& m, const auto& r, const auto& dx, const auto& dy) {
              if (occupancy_weight > 0.0f) {
-               occupancy.add(1.0f - m.value, m.dx, m.dy, m.dx * dx + m.dy * dy, lanes(beams_.valid, first));
+               occupancy.add(1.0f - m.value, m.dx, m.dy, m.dx * dx + m.dy * dy, lanes(beams.valid, first));
              }
              if (reflectivity_weight > 0.0f) {
-               reflectivity.add(lanes(beams_.reflectivity, first) - r.value, r.dx, r.dy,
-                                r.dx * dx + r.dy * dy, lanes(beams_.known, first));
+               reflectivity.add(lanes(beams.reflectivity, first) - r.value, r.dx, r.dy, r.dx * dx + r.dy * dy,
+                                lanes(beams.known, first));
              }
            });
   Linearization result;
@@ -223,7 +255,7 @@ ScanMatcher::Linearization ScanMatcher::linearize(const GridMap& map, const Pose
 Eigen::Vector2d ScanMatcher::costs(const GridMap& map, const Pose& pose, Cost cost) const {
   Sums occupancy(options_.robust_kernel, options_.robust_scale), reflectivity = occupancy;
   const Eigen::Vector2d weights(weightOf(Cost::kOccupancy, cost), weightOf(Cost::kReflectivity, cost));
-  forBeams(map, pose, beams_.count,
+  forBeams(map, beams_, pose, beams_.count,
            [&](std::size_t first, const auto& m, const auto& r, const auto&, const auto&) {
              if (weights[0] > 0.0) occupancy.add(1.0f - m.value, lanes(beams_.valid, first));
              if (weights[1] > 0.0)
@@ -244,7 +276,7 @@ void ScanMatcher::touch(const GridMap& map, const Pose& pose) {
     if (!(u >= 0.0f && v >= 0.0f && u < map.width() && v < map.height())) continue;
     const GridMap::Cell& cell = map.cell(static_cast<int>(u), static_cast<int>(v));
     beams_.on_free += GridMap::isFree(cell);
-    beams_.on_occupied[beams_.order[i]] = GridMap::isOccupied(cell);
+    beams_.on_occupied[i] = GridMap::isOccupied(cell);
   }
 }
 
@@ -305,12 +337,12 @@ ScanMatcher::Observability ScanMatcher::observe(const Scan& scan, const Pose& po
   return result;
 }
 
-ScanMatcher::Linearization ScanMatcher::optimize(const GridMap& map, std::size_t count,
+ScanMatcher::Linearization ScanMatcher::optimize(const GridMap& map, const Beams& beams, std::size_t count,
                                                  const Observability& observability, double min_distance,
                                                  double min_angle, Pose& pose, Match& match) const {
   // What is projected away still is in the cost, which then doesn't tell whether a step is good.
   const int max_halvings = observability.full ? options_.max_halvings : 0;
-  Linearization at = linearize(map, pose, match.cost, count);
+  Linearization at = linearize(map, beams, pose, match.cost, count);
   for (int iteration = 0; iteration < options_.max_iterations; ++iteration) {
     ++match.iterations;
     Vector3d step = Solver(at, beams_.mean_range, observability).step();
@@ -322,11 +354,11 @@ ScanMatcher::Linearization ScanMatcher::optimize(const GridMap& map, std::size_t
     step /= std::max({1.0, distance / options_.max_step_distance, angle / options_.max_step_angle});
 
     Pose next_pose = pose + step;
-    Linearization next = linearize(map, next_pose, match.cost, count);
+    Linearization next = linearize(map, beams, next_pose, match.cost, count);
     for (int i = 0; i < max_halvings && !(next.cost < at.cost); ++i) {
       step *= 0.5;
       next_pose = pose + step;
-      next = linearize(map, next_pose, match.cost, count);
+      next = linearize(map, beams, next_pose, match.cost, count);
     }
     if (max_halvings > 0 && !(next.cost < at.cost)) break;
     const bool last = max_halvings > 0 && at.cost - next.cost < options_.min_cost_change * at.cost;
@@ -338,40 +370,42 @@ ScanMatcher::Linearization ScanMatcher::optimize(const GridMap& map, std::size_t
 }
 
 // Coarse to fine.
-ScanMatcher::Linearization ScanMatcher::descend(const MultiMap& map, const Observability& observability,
-                                                Pose& pose, Match& match) const {
+ScanMatcher::Linearization ScanMatcher::descend(const MultiMap& map, const Beams& coarse, std::size_t least,
+                                                const Observability& observability, Pose& pose,
+                                                Match& match) const {
   for (int i = map.levels() - 1; i > 0; --i) {
     const double distance =
         std::max(options_.min_step_distance, options_.coarse_step * map.level(i).resolution());
-    const std::size_t count =
-        std::max(beams_.count >> i, std::min<std::size_t>(beams_.count, options_.coarse_points));
-    optimize(map.level(i), count, observability, distance,
+    const std::size_t count = std::max(coarse.count >> i, std::min(coarse.count, least));
+    optimize(map.level(i), coarse, count, observability, distance,
              std::max(options_.min_step_angle, distance / beams_.mean_range), pose, match);
   }
-  return optimize(map.level(0), beams_.count, observability, options_.min_step_distance,
+  return optimize(map.level(0), beams_, beams_.count, observability, options_.min_step_distance,
                   options_.min_step_angle, pose, match);
 }
 
 Match ScanMatcher::match(const MultiMap& map, const Scan& scan, const Pose& guess, bool search) {
-  prepare(scan, map.levels());
   const GridMap& finest = map.level(0);
+  prepare(scan);
+  thinOut(options_.coarse_spacing * finest.resolution(), map.levels());
   const GridMap& coarsest = map.level(map.levels() - 1);
   Match match;
   match.cost = options_.cost == Cost::kAuto ? chooseCost(coarsest, scan, guess) : options_.cost;
   match.searched = search;
   const Pose start = search ? searchWindow(coarsest, guess, match.cost) : guess;
   Pose pose = start;
-  Linearization at = descend(map, {}, pose, match);
+  Linearization at = descend(map, thinned_, options_.coarse_points, {}, pose, match);
   touch(coarsest, pose);
   const Observability observability = observe(scan, pose, match.cost);
   if (!observability.full) {
     const Vector3d unit(1.0, 1.0, 1.0 / beams_.mean_range);
     pose = start + unit.asDiagonal() * (observability.occupancy * (pose - start).cwiseQuotient(unit));
+    // Where reflectivity alone tells, each beam counts.
     if (observability.reflectivity.isIdentity())
-      at = descend(map, observability, pose, match);
+      at = descend(map, beams_, beams_.count, observability, pose, match);
     else
-      at = optimize(finest, beams_.count, observability, options_.min_step_distance, options_.min_step_angle,
-                    pose, match);
+      at = optimize(finest, beams_, beams_.count, observability, options_.min_step_distance,
+                    options_.min_step_angle, pose, match);
   }
   const Solver solver(at, beams_.mean_range, observability);
   match.hessian = at.occupancy.hessian + at.reflectivity.hessian;

@@ -78,6 +78,7 @@ TEST(Parameters, AreThoseOfTheFileThatShips) {
                                m.min_step_distance,
                                m.min_step_angle,
                                m.coarse_step,
+                               m.coarse_spacing,
                                m.min_cost_change,
                                double(m.coarse_points),
                                m.surface_length,

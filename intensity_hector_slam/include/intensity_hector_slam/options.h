@@ -73,7 +73,10 @@ struct MatcherOptions {
   double min_step_angle = 1e-4;     ///< rad, and turns less
   double min_cost_change = 3e-4;    ///< of the cost, an iteration that lowers it by less is the last
   double coarse_step = 0.05;        ///< cells: less is the last iteration on all but the finest level
-  int coarse_points = 250;          ///< level k > 0 uses 1 / 2^k of the scan's points, but no fewer than this
+  /// Cells of the finest level: on all others, neighbouring points within this count as one. What is near
+  /// has the most beams, and people walk near. 0: each counts.
+  double coarse_spacing = 0.75;
+  int coarse_points = 250;  ///< level k > 0 uses 1 / 2^k of those points, but no fewer than this
   /// What a scan tells about the pose is judged from lines through neighbouring points: H holds the noise of
   /// the grid, too.
   double surface_length = 0.6;  ///< m, of such lines

@@ -57,11 +57,12 @@ class ScanMatcher {
  private:
   struct Beams {  // the scan for the inner loop, filled up with invalid beams
     std::vector<float> x, y, reflectivity, known, valid;
-    std::vector<std::size_t> order;  // of the scan's points, that each beam is
     std::size_t count = 0;
     double mean_range = 1.0, share_known = 0.0;
     std::vector<std::uint8_t> on_occupied;  // whether each of the scan's points is, see touch
     std::size_t on_free = 0;
+
+    void reset(std::size_t n);  // to zeros
   };
 
   /// Projections of poses, with angles in units of length, on what each kind of residuals tells.
@@ -71,11 +72,14 @@ class ScanMatcher {
   };
   class Solver;
 
-  void prepare(const Scan& scan, int levels);
+  void prepare(const Scan& scan);
+  void thinOut(double spacing, int levels);
   /// Over the first beams.
-  Linearization linearize(const GridMap& map, const Pose& pose, Cost cost, std::size_t count) const;
+  Linearization linearize(const GridMap& map, const Beams& beams, const Pose& pose, Cost cost,
+                          std::size_t count) const;
   template <class Use>
-  void forBeams(const GridMap& map, const Pose& pose, std::size_t count, const Use& use) const;
+  void forBeams(const GridMap& map, const Beams& beams, const Pose& pose, std::size_t count,
+                const Use& use) const;
   Eigen::Vector2d costs(const GridMap& map, const Pose& pose, Cost cost) const;
   void touch(const GridMap& map, const Pose& pose);
   Observability observe(const Scan& scan, const Pose& pose, Cost cost) const;
@@ -85,13 +89,16 @@ class ScanMatcher {
   Cost chooseCost(const GridMap& map, const Scan& scan, const Pose& guess);
   Pose searchWindow(const GridMap& map, const Pose& guess, Cost cost) const;
   /// Both move the pose, and return the cost where the last step starts, on the finest level.
-  Linearization descend(const MultiMap& map, const Observability& observability, Pose& pose,
-                        Match& match) const;
-  Linearization optimize(const GridMap& map, std::size_t count, const Observability& observability,
-                         double min_distance, double min_angle, Pose& pose, Match& match) const;
+  /// @param coarse what all other levels use, @param least and the level k no fewer of it than this
+  Linearization descend(const MultiMap& map, const Beams& coarse, std::size_t least,
+                        const Observability& observability, Pose& pose, Match& match) const;
+  Linearization optimize(const GridMap& map, const Beams& beams, std::size_t count,
+                         const Observability& observability, double min_distance, double min_angle,
+                         Pose& pose, Match& match) const;
 
   MatcherOptions options_;
-  Beams beams_;
+  Beams beams_, thinned_;            // all, and for the coarser levels
+  std::vector<std::size_t> begins_;  // of the beams that become one
 };
 
 }  // namespace intensity_hector_slam

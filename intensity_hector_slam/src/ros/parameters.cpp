@@ -58,6 +58,7 @@ void readMatcher(mapping_common::Parameters& p, MatcherOptions& o) {
   o.min_step_distance = p.get("min_step_distance", o.min_step_distance);
   o.min_step_angle = p.get("min_step_angle", o.min_step_angle);
   o.coarse_step = p.get("coarse_step", o.coarse_step);
+  o.coarse_spacing = p.get("coarse_spacing", o.coarse_spacing);
   o.min_cost_change = p.get("min_cost_change", o.min_cost_change);
   o.coarse_points = p.get("coarse_points", o.coarse_points);
   o.surface_length = p.get("surface_length", o.surface_length);
