@@ -6,7 +6,6 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <numeric>
 
 #include "interpolation.h"
 #include "residuals.h"
@@ -154,26 +153,30 @@ void ScanMatcher::thinOut(double spacing, int levels) {
     if (i == first || dx * dx + dy * dy >= square) begins_.push_back(i);
   }
   const std::size_t n = begins_.size();
+  const std::size_t used = std::max(n / 2, std::min<std::size_t>(n, options_.coarse_points));
   begins_.push_back(beams_.count);
   thinned_.reset(n);
   std::size_t next = 0;
   const auto add = [&](std::size_t group) {
     const std::size_t begin = begins_[group], end = begins_[group + 1];
-    const auto sum = [&](const std::vector<float>& values) {
-      return std::accumulate(values.begin() + begin, values.begin() + end, 0.0f);
-    };
-    const float known = sum(beams_.known);
-    thinned_.x[next] = sum(beams_.x) / (end - begin);
-    thinned_.y[next] = sum(beams_.y) / (end - begin);
-    thinned_.valid[next] = 1.0f;
+    float x = 0.0f, y = 0.0f, reflectivity = 0.0f, known = 0.0f;
+    for (std::size_t i = begin; i < end; ++i) {
+      x += beams_.x[i];
+      y += beams_.y[i];
+      reflectivity += beams_.reflectivity[i];
+      known += beams_.known[i];
+    }
+    thinned_.x[next] = x / (end - begin);
+    thinned_.y[next] = y / (end - begin);
+    thinned_.reflectivity[next] = reflectivity / std::max(known, 1.0f);
     thinned_.known[next] = std::min(known, 1.0f);
-    thinned_.reflectivity[next] = sum(beams_.reflectivity) / std::max(known, 1.0f);
+    thinned_.valid[next] = 1.0f;
     ++next;
   };
   std::size_t step = std::size_t{1} << (levels - 1);
   for (std::size_t i = 0; i < n; i += step) add(i);
   for (; step > 1; step /= 2) {
-    for (std::size_t i = step / 2; i < n; i += step) add(i);
+    for (std::size_t i = step / 2; i < n && next < used; i += step) add(i);
   }
 }
 
