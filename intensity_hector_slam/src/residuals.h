@@ -9,8 +9,6 @@
 
 namespace intensity_hector_slam {
 
-constexpr int kLanes = 4;  ///< beams at a time
-
 // Sums over beams of one kind of residual.
 class Sums {
  public:

@@ -8,8 +8,9 @@
 #include <limits>
 
 #include "interpolation.h"
+#include "observability.h"
 #include "residuals.h"
-#include "surface.h"
+#include "window_search.h"
 
 namespace intensity_hector_slam {
 namespace {
@@ -32,15 +33,11 @@ Eigen::Map<const Array4f> lanes(const std::vector<float>& values, std::size_t fi
   return Eigen::Map<const Array4f>(&values[first]);
 }
 
-using EigenSolver = Eigen::SelfAdjointEigenSolver<Matrix3d>;
-
 // With angles in units of length, so that eigenvalues compare.
 Matrix3d scaled(const Matrix3d& hessian, double length) {
   const Vector3d unit(1.0, 1.0, 1.0 / length);
   return unit.asDiagonal() * hessian * unit.asDiagonal();
 }
-
-constexpr double kTouched = 1e-3;  // a scan that touches no known cell has eigenvalues of 0
 
 }  // namespace
 
@@ -106,7 +103,7 @@ class ScanMatcher::Solver {
   Vector3d unit_;
   Matrix3d hessian_ = Matrix3d::Zero();
   Vector3d gradient_ = Vector3d::Zero();
-  EigenSolver solver_;
+  Eigen::SelfAdjointEigenSolver<Matrix3d> solver_;
   int observable_ = 0;
 };
 
@@ -114,75 +111,9 @@ ScanMatcher::ScanMatcher(const MatcherOptions& options) : options_(options) {
   options_.validate();
 }
 
-void ScanMatcher::Beams::reset(std::size_t n) {
-  count = n;
-  for (auto* values : {&x, &y, &reflectivity, &known, &valid}) {
-    values->assign((n + kLanes - 1) / kLanes * kLanes, 0.0f);
-  }
-}
-
-void ScanMatcher::prepare(const Scan& scan) {
-  const std::size_t n = scan.points.size();
-  beams_.reset(n);
-  double sum = 0.0;
-  std::size_t known = 0;
-  for (std::size_t i = 0; i < n; ++i) {
-    beams_.x[i] = scan.points[i].x();
-    beams_.y[i] = scan.points[i].y();
-    beams_.valid[i] = 1.0f;
-    if (!scan.reflectivities.empty() && std::isfinite(scan.reflectivities[i])) {
-      beams_.reflectivity[i] = scan.reflectivities[i];
-      beams_.known[i] = 1.0f;
-      ++known;
-    }
-    sum += scan.points[i].norm();
-  }
-  beams_.mean_range = n > 0 ? std::max(0.1, sum / n) : 1.0;
-  beams_.share_known = n > 0 ? static_cast<double>(known) / n : 0.0;
-}
-
-// Neighbouring beams that end within a distance (m) of the first become one, their mean. A person near by has
-// as many beams as a wall far away, on a tenth of its length, and would hold the pose as firmly. Every
-// 2^(levels - 1)th comes first, and so on, so that the first n / 2^k are evenly spread over the scan.
-void ScanMatcher::thinOut(double spacing, int levels) {
-  const float square = static_cast<float>(spacing * spacing);
-  begins_.clear();
-  for (std::size_t i = 0; i < beams_.count; ++i) {
-    const std::size_t first = begins_.empty() ? i : begins_.back();
-    const float dx = beams_.x[i] - beams_.x[first], dy = beams_.y[i] - beams_.y[first];
-    if (i == first || dx * dx + dy * dy >= square) begins_.push_back(i);
-  }
-  const std::size_t n = begins_.size();
-  const std::size_t used = std::max(n / 2, std::min<std::size_t>(n, options_.coarse_points));
-  begins_.push_back(beams_.count);
-  thinned_.reset(n);
-  std::size_t next = 0;
-  const auto add = [&](std::size_t group) {
-    const std::size_t begin = begins_[group], end = begins_[group + 1];
-    float x = 0.0f, y = 0.0f, reflectivity = 0.0f, known = 0.0f;
-    for (std::size_t i = begin; i < end; ++i) {
-      x += beams_.x[i];
-      y += beams_.y[i];
-      reflectivity += beams_.reflectivity[i];
-      known += beams_.known[i];
-    }
-    thinned_.x[next] = x / (end - begin);
-    thinned_.y[next] = y / (end - begin);
-    thinned_.reflectivity[next] = reflectivity / std::max(known, 1.0f);
-    thinned_.known[next] = std::min(known, 1.0f);
-    thinned_.valid[next] = 1.0f;
-    ++next;
-  };
-  std::size_t step = std::size_t{1} << (levels - 1);
-  for (std::size_t i = 0; i < n; i += step) add(i);
-  for (; step > 1; step /= 2) {
-    for (std::size_t i = step / 2; i < n && next < used; i += step) add(i);
-  }
-}
-
 ScanMatcher::Linearization ScanMatcher::linearize(const GridMap& map, const Scan& scan, const Pose& pose,
                                                   Cost cost) {
-  prepare(scan);
+  beams_.assign(scan);
   return linearize(map, beams_, pose, cost, beams_.count);
 }
 
@@ -191,6 +122,13 @@ float ScanMatcher::weightOf(Cost kind, Cost cost) const {
   if (cost != Cost::kCombined) return kind == cost ? 1.0f : 0.0f;
   return static_cast<float>(kind == Cost::kOccupancy ? options_.occupancy_weight
                                                      : options_.reflectivity_weight);
+}
+
+Observability ScanMatcher::observe(const Scan& scan, const Touched& touched, const Pose& pose,
+                                   Cost cost) const {
+  return intensity_hector_slam::observe(scan, touched, pose, beams_.mean_range,
+                                        weightOf(Cost::kOccupancy, cost) > 0.0f,
+                                        weightOf(Cost::kReflectivity, cost) > 0.0f, options_);
 }
 
 // The first beams, kLanes at a time, with both channels of the map where they end.
@@ -267,79 +205,6 @@ Eigen::Vector2d ScanMatcher::costs(const GridMap& map, const Pose& pose, Cost co
   return {weights[0] * occupancy.cost(), weights[1] * reflectivity.cost()};
 }
 
-// Where the points are on the map, on its coarsest level, whose cells are larger than the noise.
-void ScanMatcher::touch(const GridMap& map, const Pose& pose) {
-  const double cells = 1.0 / map.resolution();
-  const float c = cells * std::cos(pose.z()), s = cells * std::sin(pose.z());
-  const float u0 = cells * (pose.x() - map.origin().x()), v0 = cells * (pose.y() - map.origin().y());
-  beams_.on_free = 0;
-  beams_.on_occupied.assign(beams_.count, 0);
-  for (std::size_t i = 0; i < beams_.count; ++i) {
-    const float u = c * beams_.x[i] - s * beams_.y[i] + u0, v = s * beams_.x[i] + c * beams_.y[i] + v0;
-    if (!(u >= 0.0f && v >= 0.0f && u < map.width() && v < map.height())) continue;
-    const GridMap::Cell& cell = map.cell(static_cast<int>(u), static_cast<int>(v));
-    beams_.on_free += GridMap::isFree(cell);
-    beams_.on_occupied[i] = GridMap::isOccupied(cell);
-  }
-}
-
-// What a scan can tell at most depends on its surfaces alone, by Fisher's information (A. Censi, "On
-// achievable accuracy for range-finder localization", ICRA 2007): sum of J^T J with J = n^T dS/dzeta for the
-// occupancy, n the normal. Along the surfaces, only their reflectivity tells. Surfaces that the map doesn't
-// have tell nothing.
-ScanMatcher::Observability ScanMatcher::observe(const Scan& scan, const Pose& pose, Cost cost) const {
-  struct Known {
-    Vector3d across, along;  // J, with angles in units of length
-    double points;
-    SurfacePiece piece;
-  };
-  std::vector<Known> surface;
-  Matrix3d information = Matrix3d::Zero();
-  const Eigen::Rotation2Dd rotation(pose.z());
-  for (const SurfacePiece& piece : surfacePieces(scan, options_.surface_length)) {
-    const auto occupied = beams_.on_occupied.begin();
-    const double points = std::count(occupied + piece.begin, occupied + piece.end, 1);
-    const auto jacobian = [&](const Eigen::Vector2d& direction) {
-      const double by_angle = direction.y() * piece.centre.x() - direction.x() * piece.centre.y();
-      Vector3d j;
-      j << rotation * direction, by_angle / beams_.mean_range;
-      return j;
-    };
-    const Known known{jacobian(piece.normal), jacobian({piece.normal.y(), -piece.normal.x()}), points, piece};
-    // Noise turns normals, which looks like information along the surface.
-    information += points * (known.across * known.across.transpose() -
-                             piece.normal_variance * known.along * known.along.transpose());
-    surface.push_back(known);
-  }
-  const EigenSolver solver(information);
-  const auto textureAlong = [&](const Vector3d& v) {
-    double sum = 0.0, weights = 0.0;
-    for (const Known& known : surface) {
-      const double there = texture(scan, known.piece);
-      if (std::isnan(there)) continue;
-      const double part = known.along.dot(v), weight = known.points * part * part;
-      sum += weight * there;
-      weights += weight;
-    }
-    return weights > 0.0 ? sum / weights : 0.0;
-  };
-  Observability result;
-  const bool uses_reflectivity = weightOf(Cost::kReflectivity, cost) > 0.0f;
-  for (int i = 0; i < 3; ++i) {
-    const double share =
-        std::max(0.0, solver.eigenvalues()[i]) / std::max(kTouched, solver.eigenvalues().z());
-    if (share >= std::max(options_.min_observability, options_.min_geometry)) continue;
-    const Vector3d v = solver.eigenvectors().col(i);
-    const bool textured = uses_reflectivity && textureAlong(v) >= options_.min_texture;
-    if (share >= options_.min_observability && !textured) continue;
-    result.full = false;
-    result.occupancy -= v * v.transpose();
-    if (!textured) result.reflectivity -= v * v.transpose();
-  }
-  if (weightOf(Cost::kOccupancy, cost) == 0.0f) result.full = result.reflectivity.isIdentity();
-  return result;
-}
-
 ScanMatcher::Linearization ScanMatcher::optimize(const GridMap& map, const Beams& beams, std::size_t count,
                                                  const Observability& observability, double min_distance,
                                                  double min_angle, Pose& pose, Match& match) const {
@@ -389,17 +254,20 @@ ScanMatcher::Linearization ScanMatcher::descend(const MultiMap& map, const Beams
 
 Match ScanMatcher::match(const MultiMap& map, const Scan& scan, const Pose& guess, bool search) {
   const GridMap& finest = map.level(0);
-  prepare(scan);
-  thinOut(options_.coarse_spacing * finest.resolution(), map.levels());
+  beams_.assign(scan);
+  thinned_.assignThinned(beams_, options_.coarse_spacing * finest.resolution(), map.levels(),
+                         options_.coarse_points);
   const GridMap& coarsest = map.level(map.levels() - 1);
   Match match;
   match.cost = options_.cost == Cost::kAuto ? chooseCost(coarsest, scan, guess) : options_.cost;
   match.searched = search;
-  const Pose start = search ? searchWindow(coarsest, guess, match.cost) : guess;
+  const Pose start = search ? searchWindow(coarsest, beams_, guess, weightOf(Cost::kOccupancy, match.cost),
+                                           weightOf(Cost::kReflectivity, match.cost), options_)
+                            : guess;
   Pose pose = start;
   Linearization at = descend(map, thinned_, options_.coarse_points, {}, pose, match);
-  touch(coarsest, pose);
-  const Observability observability = observe(scan, pose, match.cost);
+  Touched touched = touch(coarsest, beams_, pose);
+  const Observability observability = observe(scan, touched, pose, match.cost);
   if (!observability.full) {
     const Vector3d unit(1.0, 1.0, 1.0 / beams_.mean_range);
     pose = start + unit.asDiagonal() * (observability.occupancy * (pose - start).cwiseQuotient(unit));
@@ -425,10 +293,9 @@ Match ScanMatcher::match(const MultiMap& map, const Scan& scan, const Pose& gues
   const double floor = options_.covariance_floor * finest.resolution();
   match.covariance = solver.covariance(options_.covariance_scale * sigma_squared, curvature, floor * floor,
                                        {d * d, d * d, a * a});
-  if (!observability.full) touch(coarsest, match.pose);
-  const double n = std::max<std::size_t>(1, beams_.count);
-  match.contradiction = beams_.on_free / n;
-  match.overlap = std::count(beams_.on_occupied.begin(), beams_.on_occupied.end(), 1) / n;
+  if (!observability.full) touched = touch(coarsest, beams_, match.pose);
+  match.contradiction = touched.share_free;
+  match.overlap = touched.share_occupied;
   return match;
 }
 
@@ -456,56 +323,8 @@ Cost ScanMatcher::chooseCost(const GridMap& map, const Scan& scan, const Pose& g
   const auto middle = spacing.begin() + spacing.size() / 2;
   std::nth_element(spacing.begin(), middle, spacing.end());
   if (middle == spacing.end() || *middle <= options_.auto_max_spacing) return Cost::kCombined;
-  touch(map, guess);
-  return observe(scan, guess, Cost::kOccupancy).full ? Cost::kOccupancy : Cost::kCombined;
-}
-
-// All poses of a grid of poses as fine as the cells, with the nearest cells instead of interpolation.
-Pose ScanMatcher::searchWindow(const GridMap& map, const Pose& guess, Cost cost) const {
-  const double cells = 1.0 / map.resolution();
-  const float occupancy_weight = weightOf(Cost::kOccupancy, cost),
-              reflectivity_weight = weightOf(Cost::kReflectivity, cost);
-  const std::size_t stride = (beams_.count + options_.search_points - 1) / options_.search_points;
-  const double angle_step = map.resolution() / beams_.mean_range;
-  const int steps = static_cast<int>(options_.search_distance * cells);
-  const int turns = static_cast<int>(options_.search_angle / angle_step);
-
-  std::vector<Eigen::Vector2i> ends(beams_.count);
-  const auto costAt = [&](int dx, int dy, float limit) {
-    float sum = 0.0f;
-    for (std::size_t i = 0; i < beams_.count && sum < limit; i += stride) {
-      const int x = ends[i].x() + dx, y = ends[i].y() + dy;
-      const bool inside = x >= 0 && y >= 0 && x < map.width() && y < map.height();
-      const GridMap::Cell cell = inside ? map.cell(x, y) : GridMap::Cell{};
-      const float occupancy = 1.0f - cell.occupancy,
-                  reflectivity = beams_.reflectivity[i] - cell.reflectivity;
-      sum += occupancy_weight * occupancy * occupancy +
-             reflectivity_weight * beams_.known[i] * reflectivity * reflectivity;
-    }
-    return sum;
-  };
-  const auto turnTo = [&](double angle) {
-    const Eigen::Isometry2d to_map = isometry({guess.x(), guess.y(), angle});
-    for (std::size_t i = 0; i < beams_.count; i += stride) {
-      const Eigen::Vector2d end = (to_map * Eigen::Vector2d(beams_.x[i], beams_.y[i]) - map.origin()) * cells;
-      ends[i] = end.array().floor().min(1e9).max(-1e9).cast<int>();
-    }
-  };
-  turnTo(guess.z());
-  Pose best = guess;
-  float least = costAt(0, 0, std::numeric_limits<float>::infinity());
-  for (int t = -turns; t <= turns; ++t) {
-    turnTo(guess.z() + t * angle_step);
-    for (int y = -steps; y <= steps; ++y) {
-      for (int x = -steps; x <= steps; ++x) {
-        const float here = costAt(x, y, least);
-        if (!(here < least)) continue;
-        least = here;
-        best = guess + Pose(x / cells, y / cells, t * angle_step);
-      }
-    }
-  }
-  return best;
+  const Touched touched = touch(map, beams_, guess);
+  return observe(scan, touched, guess, Cost::kOccupancy).full ? Cost::kOccupancy : Cost::kCombined;
 }
 
 }  // namespace intensity_hector_slam

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <cstdint>
-#include <vector>
-
+#include "intensity_hector_slam/beams.h"
 #include "intensity_hector_slam/multi_map.h"
 
 namespace intensity_hector_slam {
+
+struct Observability;
+struct Touched;
 
 struct Match {
   Pose pose = Pose::Zero();
@@ -55,25 +56,8 @@ class ScanMatcher {
   Linearization linearize(const GridMap& map, const Scan& scan, const Pose& pose, Cost cost);
 
  private:
-  struct Beams {  // the scan for the inner loop, filled up with invalid beams
-    std::vector<float> x, y, reflectivity, known, valid;
-    std::size_t count = 0;
-    double mean_range = 1.0, share_known = 0.0;
-    std::vector<std::uint8_t> on_occupied;  // whether each of the scan's points is, see touch
-    std::size_t on_free = 0;
-
-    void reset(std::size_t n);  // to zeros
-  };
-
-  /// Projections of poses, with angles in units of length, on what each kind of residuals tells.
-  struct Observability {
-    Eigen::Matrix3d occupancy = Eigen::Matrix3d::Identity(), reflectivity = Eigen::Matrix3d::Identity();
-    bool full = true;
-  };
   class Solver;
 
-  void prepare(const Scan& scan);
-  void thinOut(double spacing, int levels);
   /// Over the first beams.
   Linearization linearize(const GridMap& map, const Beams& beams, const Pose& pose, Cost cost,
                           std::size_t count) const;
@@ -81,13 +65,11 @@ class ScanMatcher {
   void forBeams(const GridMap& map, const Beams& beams, const Pose& pose, std::size_t count,
                 const Use& use) const;
   Eigen::Vector2d costs(const GridMap& map, const Pose& pose, Cost cost) const;
-  void touch(const GridMap& map, const Pose& pose);
-  Observability observe(const Scan& scan, const Pose& pose, Cost cost) const;
+  Observability observe(const Scan& scan, const Touched& touched, const Pose& pose, Cost cost) const;
   double curvatureAlong(const Eigen::Vector3d& v, const GridMap& map, const Match& match,
                         const Linearization& at, const Observability& observability) const;
   float weightOf(Cost kind, Cost cost) const;
   Cost chooseCost(const GridMap& map, const Scan& scan, const Pose& guess);
-  Pose searchWindow(const GridMap& map, const Pose& guess, Cost cost) const;
   /// Both move the pose, and return the cost where the last step starts, on the finest level.
   /// @param coarse what all other levels use, @param least and the level k no fewer of it than this
   Linearization descend(const MultiMap& map, const Beams& coarse, std::size_t least,
@@ -97,8 +79,7 @@ class ScanMatcher {
                          Pose& pose, Match& match) const;
 
   MatcherOptions options_;
-  Beams beams_, thinned_;            // all, and for the coarser levels
-  std::vector<std::size_t> begins_;  // of the beams that become one
+  Beams beams_, thinned_;  // all, and for the coarser levels
 };
 
 }  // namespace intensity_hector_slam

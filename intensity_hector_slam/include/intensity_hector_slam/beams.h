@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <vector>
+
+#include "intensity_hector_slam/scan.h"
+
+namespace intensity_hector_slam {
+
+constexpr int kLanes = 4;  ///< beams at a time
+
+/// A scan for the matcher's inner loop: arrays, filled up to whole lanes with beams that aren't valid.
+struct Beams {
+  std::vector<float> x, y;          ///< m, ends of the beams, frame of the body
+  std::vector<float> reflectivity;  ///< 0 where it isn't known
+  std::vector<float> known;         ///< 1 where it is, else 0
+  std::vector<float> valid;         ///< 1, 0 for those that fill up
+  std::size_t count = 0;
+  double mean_range = 1.0;   ///< m, 0.1 at least
+  double share_known = 0.0;  ///< of the reflectivities
+
+  void assign(const Scan& scan);
+
+  /// Neighbouring beams that end within a distance (m) of the first become one, their mean. A person near by
+  /// has as many beams as a wall far away, on a tenth of its length, and would hold the pose as firmly. Every
+  /// 2^(levels - 1)th comes first, and so on, so that the first count / 2^k are evenly spread over the scan.
+  /// @param least all but so many (or half, if that is more) may be left out
+  void assignThinned(const Beams& all, double spacing, int levels, std::size_t least);
+
+ private:
+  void reset(std::size_t n);  // to zeros
+
+  std::vector<std::size_t> begins_;  // of the beams that become one
+};
+
+}  // namespace intensity_hector_slam
