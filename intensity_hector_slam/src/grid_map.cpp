@@ -112,7 +112,7 @@ void GridMap::update(const Scan& scan, const Pose& pose, const MapOptions& optio
   for (std::size_t i = 0; i < scan.reflectivities.size(); ++i) {
     if (!contains(ends_[i])) continue;
     const std::size_t cell = index(ends_[i].x(), ends_[i].y());
-    if (!isFree(cells_[cell])) average(cell, scan.reflectivities[i], options.max_count);
+    if (isOccupied(cells_[cell])) average(cell, scan.reflectivities[i], options.max_count);
   }
 }
 
@@ -137,7 +137,8 @@ void GridMap::applyMarks(const MapOptions& options) {
       if (x % sizeof(Marks::Word) == 0) {
         Marks::Word word;
         std::memcpy(&word, row + x, sizeof(word));
-        if (word == 0 || free_cells.clear(word, &cells_[first + x])) {
+        const bool inside = marks_.min.x() + x + static_cast<int>(sizeof(word)) <= width_;
+        if (word == 0 || (inside && free_cells.clear(word, &cells_[first + x]))) {
           x += sizeof(word) - 1;
           continue;
         }
@@ -150,7 +151,7 @@ void GridMap::applyMarks(const MapOptions& options) {
       } else if (row[x] & Marks::kClear || !isKnown(cell)) {
         if (cell.occupancy <= least) continue;
         cell.occupancy = std::max(observed(cell.occupancy, miss_odds), least);
-        if (isFree(cell) && counts_[first + x] > 0) {
+        if (!isOccupied(cell) && counts_[first + x] > 0) {
           counts_[first + x] = 0;
           cell.reflectivity = 0.0f;
         }

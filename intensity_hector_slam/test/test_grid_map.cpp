@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <random>
+#include <vector>
 
 #include "flat_world.h"
 #include "intensity_hector_slam/multi_map.h"
@@ -130,6 +132,64 @@ TEST(GridMap, AScanUpdatesACellOnce) {
   many.update(scan, Pose::Zero(), options);
   EXPECT_EQ(once.cell(15, 10).occupancy, many.cell(15, 10).occupancy);
   EXPECT_EQ(once.cell(12, 10).occupancy, many.cell(12, 10).occupancy);
+}
+
+TEST(GridMap, ABeamChangesNothingBeyondTheBorder) {
+  const MapOptions options;
+  const float rare = 0.5f * static_cast<float>(options.min_probability);  // in a map made with other options
+  for (int y = 0; y < 4; ++y) {
+    GridMap map(1.0, {0.0, 0.0}, 12, 4);
+    for (int x = 0; x < 12; ++x) map.set(x, (y + 1) % 4, {rare, 0.0f}, 0);
+    Scan scan = beamTo({3.5f, 0.5f + y});
+    scan.origin = {11.5f, 0.5f + y};
+    map.update(scan, Pose::Zero(), options);
+    EXPECT_TRUE(GridMap::isFree(map.cell(11, y)));
+    for (int x = 0; x < 12; ++x) EXPECT_EQ(rare, map.cell(x, (y + 1) % 4).occupancy) << x << ", " << y;
+  }
+}
+
+TEST(GridMap, AScanIsTheSumOfItsBeams) {
+  std::mt19937 random(1);
+  const auto below = [&](int n) { return static_cast<int>(random() % n); };
+  MapOptions options;
+  options.clear_margin = 0.0;
+  options.update_factor_free = 0.4;  // and back to 0.5
+  options.update_factor_occupied = 0.6;
+  for (int i = 0; i < 50; ++i) {
+    const GridMap empty(1.0, {0.0, 0.0}, 2 + below(30), 2 + below(30));
+    const auto somewhere = [&] {
+      return Eigen::Vector2f(0.5f + below(empty.width()), 0.5f + below(empty.height()));
+    };
+    GridMap map = empty;
+    for (int j = 0; j < 20; ++j) {
+      Scan scan;
+      scan.origin = somewhere();
+      std::vector<int> hits(empty.cells().size(), 0), crosses = hits;
+      for (int k = 0; k < 10; ++k) {
+        Scan beam = beamTo(somewhere(), 0.1f * k);
+        beam.origin = scan.origin;
+        GridMap alone = empty;
+        alone.update(beam, Pose::Zero(), options);
+        for (std::size_t at = 0; at < hits.size(); ++at) {
+          hits[at] += GridMap::isOccupied(alone.cells()[at]);
+          crosses[at] += GridMap::isFree(alone.cells()[at]);
+        }
+        scan.points.push_back(beam.points[0]);
+        scan.reflectivities.push_back(beam.reflectivities[0]);
+      }
+      const GridMap before = map;
+      map.update(scan, Pose::Zero(), options);
+      for (std::size_t at = 0; at < hits.size(); ++at) {
+        const double odds = hits[at] > 0 ? 1.5 : crosses[at] > 0 ? 1.0 / 1.5 : 1.0;
+        const double p = before.cells()[at].occupancy;
+        const GridMap::Cell& cell = map.cells()[at];
+        ASSERT_NEAR(std::clamp(odds * p / (odds * p + 1.0 - p), 0.02, 0.98), cell.occupancy, 1e-6);
+        const bool occupied = GridMap::isOccupied(cell);
+        ASSERT_EQ(occupied ? before.counts()[at] + hits[at] : 0, map.counts()[at]);
+        ASSERT_EQ(occupied ? cell.reflectivity : 0.0f, cell.reflectivity);
+      }
+    }
+  }
 }
 
 TEST(GridMap, ReflectivityIsTheMeanOfTheHits) {
