@@ -72,6 +72,7 @@ void Slam::check(const Scan& scan) const {
 
 SlamResult Slam::process(const Scan& scan, const std::optional<Pose>& odometry) {
   check(scan);
+  if (odometry && !odometry->allFinite()) throw std::invalid_argument("odometry that is not finite");
   SlamResult result;
   predict(scan, odometry, result);
   if (static_cast<int>(scan.points.size()) < options_.min_points) {
@@ -261,7 +262,8 @@ bool Slam::hasMoved(const std::optional<Pose>& from, const Pose& to) const {
 }
 
 void Slam::updateMap(const Scan& scan, SlamResult& result) {
-  const bool due = scan.stamp - last_update_stamp_ >= options_.update_period;
+  const double since = scan.stamp - last_update_stamp_;
+  const bool due = since >= options_.update_period || since < -options_.max_gap;  // time jumped back
   if (options_.localization || !(due || hasMoved(last_update_, result.pose))) return;
   map_.update(scan, result.pose);
   last_update_stamp_ = scan.stamp;

@@ -168,6 +168,13 @@ TEST(Slam, SurvivesATimeJump) {
   EXPECT_TRUE(result.time_jumped_back);
   EXPECT_EQ(Status::kMatched, result.status);
   EXPECT_LT(errorOf(result.pose, 2.0), 0.03);
+  // Standing, it goes on to update the map.
+  const std::size_t before = slam.map().updates();
+  for (int i = 0; i <= 10; ++i) {
+    scan.stamp += 0.1;
+    slam.process(scan);
+  }
+  EXPECT_EQ(before + 2, slam.map().updates());
 }
 
 // One scan is matched 0.2 m away, as where people hide a wall: the velocity that this seems doesn't lead on.
@@ -231,6 +238,9 @@ TEST(Slam, InsertsAtPosesThatAreKnown) {
   }
   EXPECT_GE(slam.map().updates(), 4u);  // each half second at least
   EXPECT_LT(slam.map().updates(), 40u);
+  Scan again = scanAt(0.0);  // time jumps back
+  again.stamp -= 50.0;
+  EXPECT_TRUE(slam.insert(again, slam.pose()).map_updated);
   // Who goes on by matching finds where he is.
   EXPECT_EQ(Status::kMatched, slam.process(scanAt(2.0)).status);
   EXPECT_LT((slam.pose() - matching.process(scanAt(2.0)).pose).head<2>().norm(), 0.05);
@@ -349,6 +359,7 @@ TEST(Slam, RefusesScansThatAreNone) {
   scan.reflectivities.clear();
   scan.times = {0.0f};
   EXPECT_THROW(slam.process(scan), std::invalid_argument);
+  EXPECT_THROW(slam.process(scanAt(0.0), Pose(0.0, std::nan(""), 0.0)), std::invalid_argument);
   EXPECT_EQ(0u, slam.map().updates());
 }
 

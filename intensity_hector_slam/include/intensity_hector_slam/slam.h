@@ -42,6 +42,7 @@ class Slam {
   explicit Slam(const SlamOptions& options = {});
 
   /// @param odometry pose of the body at the scan's stamp in any fixed frame, where there is odometry
+  /// @throws std::invalid_argument where the scan or the odometry is none; nothing has changed
   SlamResult process(const Scan& scan, const std::optional<Pose>& odometry = {});
 
   /// Puts a scan into the map, where it is due, at a pose that is known.
