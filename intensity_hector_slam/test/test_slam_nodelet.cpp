@@ -213,8 +213,10 @@ TEST_F(SlamNodeletTest, BadScansAreCountedAndChangeNothing) {
   damaged([](auto& scan) { scan.intensities.resize(3); });
   damaged([](auto& scan) { scan.range_max = -1.0F; });
   damaged([](auto& scan) { scan.ranges.assign(361, 0.6F); });  // the inside of a barrel
+  for (const double never : {4294967290.0, 4294967295.0})
+    send(roomMessage(bagPoseAt(0.0), ros::Time(1.0), 5), never);
   expectDiagnostic("Scans", "Without a pose: empty", "3");
-  expectDiagnostic("Scans", "Without a pose: malformed", "2");
+  expectDiagnostic("Scans", "Without a pose: malformed", "4");
   expectDiagnostic("Scans", "Without a pose: rejected", "1");
   ASSERT_TRUE(drive(7, 10));
   EXPECT_LT(errorAt(9), 0.03);
@@ -229,6 +231,20 @@ TEST_F(SlamNodeletTest, SaysThatTransformsAreMissing) {
   EXPECT_TRUE(
       waitFor([&] { return std::stoi("0" + diagnostic("Scans", "Without a pose: no transform")) >= 5; }));
   expectDiagnostic("Scans", "Processed", "0");
+}
+
+TEST_F(SlamNodeletTest, ScansWhoseStampsStandDoNotPileUp) {
+  setParam("scan_subscriber_queue_size", 2000);
+  ASSERT_TRUE(load());
+  sensor_msgs::LaserScan scan = roomMessage(bagPoseAt(0.0), ros::Time(1.0), 0);
+  scan.ranges.resize(1);
+  scan.intensities.resize(1);
+  for (int i = 0; i < 1200; ++i) {  // there is no tf
+    send(scan, kBagStart);
+    if (i % 50 == 0) spinFor(0.02);
+  }
+  expectDiagnostic("Scans", "Without a pose: no transform", "200");
+  expectDiagnostic("Scans", "Waiting for transforms", "1000");
 }
 
 TEST_F(SlamNodeletTest, GoesOnWhenTimeJumpsBack) {

@@ -14,6 +14,8 @@
 #include <tf2_eigen/tf2_eigen.h>
 
 #include <algorithm>
+#include <cstdint>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <pluginlib/class_list_macros.hpp>
@@ -35,6 +37,9 @@ namespace {
 
 // Stamps may be out of order by this much before time is said to have jumped back.
 const ros::Duration kOutOfOrder(1.0);
+
+// s, that ros::Duration reaches: beyond, differences of stamps throw.
+constexpr std::uint32_t kLastSecond = std::numeric_limits<std::int32_t>::max() - 1;
 
 constexpr int kReportsWithoutScan = 5;
 
@@ -171,6 +176,9 @@ void SlamNodelet::listen() {
 void SlamNodelet::arrived(const ScanQueue::ScanPointer& message) {
   counts_.received();
   const ros::Time& stamp = message->header.stamp;
+  if (stamp.sec > kLastSecond) {
+    return drop(ScanCounts::kMalformed, "its stamp is " + std::to_string(stamp.sec) + " s, after 2038");
+  }
   if (stamp + kOutOfOrder < last_stamp_) timeJumpedBack(stamp);
   last_stamp_ = stamp;
   queue_->add(message);

@@ -15,6 +15,8 @@ namespace intensity_hector_slam {
 
 namespace {
 
+constexpr std::size_t kMostWaiting = 1000;  // where stamps don't go on
+
 // Without the name of tf2's function, and without the full stop that some of its sentences have.
 std::string asClause(std::string why) {
   const std::string function = "canTransform: ";
@@ -116,7 +118,8 @@ ScanQueue::Transforms ScanQueue::lookup(const Scan& scan, bool body) const {
 
 // Whether the first scan has waited for too long.
 bool ScanQueue::isLate() const {
-  return newest_ - waiting_.front()->header.stamp >= ros::Duration(options_.timeout);
+  return newest_ - waiting_.front()->header.stamp >= ros::Duration(options_.timeout) ||
+         waiting_.size() > kMostWaiting;
 }
 
 // Whether it won't get what it waits for, as a later one has it already.
@@ -133,7 +136,7 @@ bool ScanQueue::expectsBody(const ros::Time& stamp) const {
   if (!buffer_.canTransform(options_.fixed_frame, options_.base_frame, ros::Time(0))) return false;
   const ros::Time last =
       buffer_.lookupTransform(options_.fixed_frame, options_.base_frame, ros::Time(0)).header.stamp;
-  return last + ros::Duration(options_.timeout) > stamp;
+  return last.toSec() + options_.timeout > stamp.toSec();
 }
 
 void ScanQueue::wakeUpWith(const std::string& target, const std::string& source, const ros::Time& stamp) {
