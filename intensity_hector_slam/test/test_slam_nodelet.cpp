@@ -271,6 +271,16 @@ TEST_F(SlamNodeletTest, LateTransformsAreWaitedFor) {
   EXPECT_LT(errorAt(39), 0.03);
 }
 
+TEST_F(SlamNodeletTest, ScansBeforeAllTransformsDoNotHoldUpOthers) {
+  ASSERT_TRUE(load());
+  sendScan(0);
+  spinFor(0.2);
+  sendScan(1);
+  spinFor(0.2);
+  sendTransforms(timeOf(1));
+  EXPECT_TRUE(waitFor([&] { return isAt(1); }, 5.0));
+}
+
 TEST_F(SlamNodeletTest, OdometryMayComeLater) {
   odometry_ = false;
   tf2_ros::Buffer buffer;

@@ -36,10 +36,7 @@ ScanQueue::ScanQueue(const ros::NodeHandle& node, const Options& options,
     : options_(options),
       ready_(std::move(ready)),
       failed_(std::move(failed)),
-      callback_(buffer_.addTransformableCallback([this](auto&&...) {
-        request_ = 0;
-        advance();
-      })),
+      callback_(buffer_.addTransformableCallback([this](auto&&...) { advance(); })),
       listener_(buffer_, node, false) {}
 
 ScanQueue::~ScanQueue() {
@@ -68,7 +65,7 @@ void ScanQueue::advance() {
     const bool has_sensor = !options_.use_sensor_frame || knowsSensor(*scan, &why);
     bool failed = !has_sensor;
     if (!has_sensor && !header.frame_id.empty() && !isLate() && !isOvertaken(&ScanQueue::knowsSensor)) {
-      return wakeUpWith(options_.base_frame, withoutSlash(header.frame_id), header.stamp);
+      return wakeUpWith(options_.base_frame, withoutSlash(header.frame_id));
     }
     bool has_body = false;
     if (has_sensor && !options_.fixed_frame.empty()) {
@@ -76,7 +73,7 @@ void ScanQueue::advance() {
       // At the start and after a jump of time, scans may be older than all odometry.
       const bool overtaken = !has_body && isOvertaken(&ScanQueue::knowsBody);
       if (!has_body && !overtaken && !isLate() && (options_.needs_body || expectsBody(header.stamp))) {
-        return wakeUpWith(options_.fixed_frame, options_.base_frame, header.stamp);
+        return wakeUpWith(options_.fixed_frame, options_.base_frame);
       }
       failed = overtaken || (options_.needs_body && !has_body);
     }
@@ -139,9 +136,12 @@ bool ScanQueue::expectsBody(const ros::Time& stamp) const {
   return last.toSec() + options_.timeout > stamp.toSec();
 }
 
-void ScanQueue::wakeUpWith(const std::string& target, const std::string& source, const ros::Time& stamp) {
-  if (request_ != 0) buffer_.cancelTransformableRequest(request_);
-  request_ = buffer_.addTransformableRequest(callback_, target, source, stamp);
+// For the first scan, or for the last, which has overtaken it then.
+void ScanQueue::wakeUpWith(const std::string& target, const std::string& source) {
+  for (const auto request : std::exchange(requests_, {})) buffer_.cancelTransformableRequest(request);
+  for (const ScanPointer& scan : {waiting_.front(), waiting_.back()}) {
+    requests_.push_back(buffer_.addTransformableRequest(callback_, target, source, scan->header.stamp));
+  }
 }
 
 }  // namespace intensity_hector_slam

@@ -10,6 +10,7 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <vector>
 
 namespace intensity_hector_slam {
 
@@ -62,7 +63,7 @@ class ScanQueue {
   bool isLate() const;
   bool isOvertaken(bool (ScanQueue::*knows)(const Scan&, std::string*) const) const;
   bool expectsBody(const ros::Time& stamp) const;
-  void wakeUpWith(const std::string& target, const std::string& source, const ros::Time& stamp);
+  void wakeUpWith(const std::string& target, const std::string& source);
 
   Options options_;
   std::function<void(const Scan&, const Transforms&)> ready_;
@@ -70,7 +71,7 @@ class ScanQueue {
 
   tf2_ros::Buffer buffer_;
   tf2::TransformableCallbackHandle callback_;
-  tf2::TransformableRequestHandle request_ = 0;
+  std::vector<tf2::TransformableRequestHandle> requests_;
   std::deque<ScanPointer> waiting_;
   ros::Time newest_;  // stamp
   // Whether it may just not have come yet, as at the start.
