@@ -208,8 +208,11 @@ Eigen::Vector2d ScanMatcher::costs(const GridMap& map, const Pose& pose, Cost co
 ScanMatcher::Linearization ScanMatcher::optimize(const GridMap& map, const Beams& beams, std::size_t count,
                                                  const Observability& observability, double min_distance,
                                                  double min_angle, Pose& pose, Match& match) const {
-  // What is projected away still is in the cost, which then doesn't tell whether a step is good.
-  const int max_halvings = observability.full ? options_.max_halvings : 0;
+  // Where only one kind of residuals tells a direction, a step along it is the other's, too, in the cost,
+  // which then doesn't tell whether it is good.
+  const bool cost_tells =
+      match.cost != Cost::kCombined || observability.occupancy == observability.reflectivity;
+  const int max_halvings = cost_tells ? options_.max_halvings : 0;
   Linearization at = linearize(map, beams, pose, match.cost, count);
   for (int iteration = 0; iteration < options_.max_iterations; ++iteration) {
     ++match.iterations;

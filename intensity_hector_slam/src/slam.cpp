@@ -62,6 +62,10 @@ void Slam::setMap(MultiMap map, const Pose& pose) {
 }
 
 void Slam::check(const Scan& scan) const {
+  const auto isFinite = [](const Eigen::Vector2f& point) { return point.allFinite(); };
+  if (!std::all_of(scan.points.begin(), scan.points.end(), isFinite)) {
+    throw std::invalid_argument("a scan has a point that is not finite");
+  }
   if (!scan.reflectivities.empty() && scan.reflectivities.size() != scan.points.size()) {
     throw std::invalid_argument("a scan has another number of reflectivities than of points");
   }

@@ -1,16 +1,22 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "window_search.h"
 
+#include <algorithm>
 #include <limits>
 #include <vector>
 
 namespace intensity_hector_slam {
+namespace {
+
+constexpr int kMaxTurns = 1000;  // to each side: with points very far away a cell is a tiny angle
+
+}  // namespace
 
 Pose searchWindow(const GridMap& map, const Beams& beams, const Pose& guess, float occupancy_weight,
                   float reflectivity_weight, const MatcherOptions& options) {
   const double cells = 1.0 / map.resolution();
   const std::size_t stride = (beams.count + options.search_points - 1) / options.search_points;
-  const double angle_step = map.resolution() / beams.mean_range;
+  const double angle_step = std::max(map.resolution() / beams.mean_range, options.search_angle / kMaxTurns);
   const int steps = static_cast<int>(options.search_distance * cells);
   const int turns = static_cast<int>(options.search_angle / angle_step);
 

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <gtest/gtest.h>
 
+#include <limits>
+
 #include "flat_world.h"
 #include "intensity_hector_slam/slam.h"
 
@@ -360,6 +362,9 @@ TEST(Slam, RefusesScansThatAreNone) {
   scan.times = {0.0f};
   EXPECT_THROW(slam.process(scan), std::invalid_argument);
   EXPECT_THROW(slam.process(scanAt(0.0), Pose(0.0, std::nan(""), 0.0)), std::invalid_argument);
+  scan = scanAt(0.0);
+  scan.points[3].x() = std::numeric_limits<float>::infinity();
+  EXPECT_THROW(slam.process(scan), std::invalid_argument);
   EXPECT_EQ(0u, slam.map().updates());
 }
 
