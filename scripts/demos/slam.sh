@@ -7,8 +7,8 @@ rosrun rosbag_tests evaluate_slam config/slam_evaluation/room.yaml --first-seed 
 montage "$out"/slam/*.ppm -geometry +4+4 "$out/slam_costs.png"
 
 say "SLAM live: rosbag -> reflectivities -> map -> RViz"
-rosrun rosbag_tests simulate --world config/worlds/laboratory.yaml --no-map-tf --sensor config/simulator/hokuyo_utm30lx.yaml \
-  --duration 20 --seed 1 --out "$out/laboratory.bag"
+rosrun rosbag_tests simulate --world config/worlds/laboratory.yaml --sensor config/simulator/hokuyo_utm30lx.yaml \
+  --no-map-tf --duration 20 --seed 1 --out "$out/laboratory.bag"
 launch slam_bag.launch bag:="$out/laboratory.bag" scan:=scan_reflectivity exit_at_end:=false rviz:=true
 slam=$launched slam_log=$log
 until logged 'process\[bag-.*started' || ! kill -0 $slam 2>/dev/null; do sleep 0.5; done

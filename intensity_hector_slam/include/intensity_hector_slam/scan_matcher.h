@@ -71,7 +71,7 @@ class ScanMatcher {
   float weightOf(Cost kind, Cost cost) const;
   Cost chooseCost(const GridMap& map, const Scan& scan, const Pose& guess);
   /// Both move the pose, and return the cost where the last step starts, on the finest level.
-  /// @param coarse what all other levels use, @param least and the level k no fewer of it than this
+  /// @param coarse what all other levels use: the level k the first 1 / 2^k of it, but no fewer than `least`
   Linearization descend(const MultiMap& map, const Beams& coarse, std::size_t least,
                         const Observability& observability, Pose& pose, Match& match) const;
   Linearization optimize(const GridMap& map, const Beams& beams, std::size_t count,
