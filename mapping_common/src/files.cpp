@@ -2,13 +2,13 @@
 #include "mapping_common/files.h"
 
 #include <fcntl.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
 #include <fstream>
-#include <sstream>
 #include <stdexcept>
 
 namespace mapping_common {
@@ -45,14 +45,22 @@ void writeFile(const std::string& path, const std::function<void(std::ostream&)>
 }
 
 std::string readFile(const std::string& path) {
-  errno = 0;
-  std::ifstream in(path, std::ios::binary);
-  std::ostringstream bytes;
-  if (!in || !(bytes << in.rdbuf())) {
-    if (in && in.peek() == std::ifstream::traits_type::eof() && errno == 0) return "";  // an empty file
-    fail(path, "can't be read", errno);
-  }
-  return bytes.str();
+  const int file = open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  if (file < 0) fail(path, "can't be opened", errno);
+  struct stat status {};
+  std::string bytes(fstat(file, &status) == 0 && status.st_size > 0 ? status.st_size : 0, '\0');
+  std::size_t size = 0;
+  ssize_t count = 0;
+  do {
+    if (size == bytes.size()) bytes.resize(size + 4096);  // whether there is more than it said
+    count = read(file, &bytes[size], bytes.size() - size);
+    if (count > 0) size += static_cast<std::size_t>(count);
+  } while (count > 0 || (count < 0 && errno == EINTR));
+  const int error = errno;
+  close(file);
+  if (count < 0) fail(path, "can't be read", error);
+  bytes.resize(size);
+  return bytes;
 }
 
 }  // namespace mapping_common

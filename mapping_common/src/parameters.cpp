@@ -20,7 +20,7 @@ constexpr const char* typeName() {
 }
 
 template <class T>
-bool read(XmlRpcValue& from, T& to) {
+bool readAs(XmlRpcValue& from, T& to) {
   constexpr auto type = std::is_same_v<T, bool>     ? XmlRpcValue::TypeBoolean
                         : std::is_same_v<T, int>    ? XmlRpcValue::TypeInt
                         : std::is_same_v<T, double> ? XmlRpcValue::TypeDouble
@@ -80,13 +80,32 @@ void Parameters::flatten(const std::string& prefix, XmlRpcValue& value) {
   }
 }
 
+OptionValues Parameters::values() const {
+  OptionValues values;
+  for (auto [name, value] : values_) {
+    OptionValue& to = values[name];
+    if (value.getType() == XmlRpcValue::TypeBoolean) {
+      to = static_cast<bool&>(value);
+    } else if (value.getType() == XmlRpcValue::TypeInt) {
+      to = static_cast<int&>(value);
+    } else if (value.getType() == XmlRpcValue::TypeDouble) {
+      to = static_cast<double&>(value);
+    } else if (value.getType() == XmlRpcValue::TypeString) {
+      to = static_cast<std::string&>(value);
+    } else {
+      to = std::monostate();
+    }
+  }
+  return values;
+}
+
 template <class T>
 T Parameters::get(const std::string& name, const T& fallback) {
   names_.insert(name);
   const auto found = values_.find(name);
   if (found == values_.end()) return fallback;
   T value;
-  if (!read(found->second, value)) {
+  if (!readAs(found->second, value)) {
     rejectParameter(name, found->second, std::string("expected is ") + typeName<T>());
   }
   return value;

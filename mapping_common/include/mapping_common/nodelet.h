@@ -4,6 +4,7 @@
 #include <diagnostic_updater/diagnostic_updater.h>
 #include <dynamic_reconfigure/server.h>
 #include <mapping_common/parameters.h>
+#include <mapping_common/reconfiguration.h>
 #include <nodelet/nodelet.h>
 
 #include <functional>
@@ -35,6 +36,15 @@ class Nodelet : public nodelet::Nodelet {
   /// @param name_space under the nodelet's own
   template <class Config>
   void allowReconfiguration(const Config& config, std::function<void(const Config&, std::uint32_t)> apply,
+                            const std::string& name_space = "reconfigure");
+
+  /// Lets a struct's dynamic options change while the nodelet runs, by rqt_reconfigure.
+  /// @param options as it was started
+  /// @param apply gets changed ones that have been checked; where it throws, having changed nothing, those
+  /// before stay
+  /// @param name_space under the nodelet's own
+  template <class Options>
+  void allowReconfiguration(const Options& options, std::function<void(const Options&)> apply,
                             const std::string& name_space = "reconfigure");
 
   /// Begins to publish diagnostics, by name.
@@ -77,6 +87,19 @@ void Nodelet::allowReconfiguration(const Config& config,
     }
   });
   reconfigure_server_ = server;
+}
+
+template <class Options>
+void Nodelet::allowReconfiguration(const Options& options, std::function<void(const Options&)> apply,
+                                   const std::string& name_space) {
+  using Config = Reconfiguration<Options>;
+  allowReconfiguration<Config>(
+      Config{options, ""},
+      [apply](const Config& changed, std::uint32_t) {
+        if (!changed.error.empty()) throw std::invalid_argument(changed.error);
+        apply(validate(changed.options, "~"));
+      },
+      name_space);
 }
 
 /// Counts of messages that were dropped, by reason.

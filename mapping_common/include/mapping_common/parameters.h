@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <mapping_common/options.h>
 #include <xmlrpcpp/XmlRpcValue.h>
 
 #include <map>
@@ -27,6 +28,17 @@ class Parameters {
  public:
   /// @param all a struct, nested as the parameters' names are; anything else is no parameters at all
   explicit Parameters(XmlRpc::XmlRpcValue all);
+
+  /// Sets what is given of a struct's options, checks them, and that there are no others.
+  /// @param others how the names start that somebody else reads
+  /// @throws std::invalid_argument that names the parameter, its value and what is allowed; or those there
+  /// are
+  ///   none of, what may be meant, and those there are. The options are as they were then
+  template <class Options>
+  void read(Options& options, const std::vector<std::string>& others = {"reconfigure/"}) const {
+    assign(options, values(), others, "~");
+  }
+  OptionValues values() const;
 
   /// The parameter's value, or `fallback` where it isn't set.
   /// @tparam T bool, int, double or std::string; an integer will do for the last two, as roslaunch takes
