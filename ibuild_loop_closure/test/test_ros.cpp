@@ -31,7 +31,7 @@ XmlRpc::XmlRpcValue toXmlRpc(const YAML::Node& node) {
 }
 
 TEST(Parameters, OfTheShippedFileAreTheDefaults) {
-  const YAML::Node file = YAML::LoadFile(std::string(WORKSPACE_DIR) + "/config/loop_closure.yaml");
+  const YAML::Node file = YAML::LoadFile(PACKAGE_DIR "/config/loop_closure.yaml");
   mapping_common::Parameters shipped(toXmlRpc(file)), none(XmlRpc::XmlRpcValue{});
   const LoopClosureParameters a = readLoopClosureParameters(shipped), b = readLoopClosureParameters(none);
   EXPECT_NO_THROW(shipped.rejectUnknown());

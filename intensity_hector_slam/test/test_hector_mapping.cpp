@@ -137,7 +137,7 @@ TEST(Node, SaysWhichParameterIsWrongAndEnds) {
   const mapping_common::TempDir dir;
   const auto expectEnd = [&](const std::string& argument, const std::string& expected) {
     const std::string log = dir.path("log");
-    const std::string command = std::string(SLAM_NODE) + " __name:=wrong " + argument + " >" + log + " 2>&1";
+    const std::string command = std::string(SLAM) + " __name:=wrong " + argument + " >" + log + " 2>&1";
     EXPECT_NE(0, std::system(command.c_str())) << argument;
     std::ostringstream text;
     text << std::ifstream(log).rdbuf();

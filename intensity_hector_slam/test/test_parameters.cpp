@@ -10,7 +10,7 @@
 namespace intensity_hector_slam {
 namespace {
 
-const std::string kConfig = std::string(WORKSPACE_DIR) + "/config/slam.yaml";
+const std::string kConfig = PACKAGE_DIR "/config/slam.yaml";
 
 SlamParameters read(const std::string& yaml) {
   const mapping_common::TempDir dir;

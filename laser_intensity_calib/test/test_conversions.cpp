@@ -127,7 +127,7 @@ XmlRpc::XmlRpcValue toXmlRpc(const YAML::Node& node) {
 }
 
 TEST(Parameters, TheFileHasThemAllWithTheirDefaults) {
-  mapping_common::Parameters file(toXmlRpc(YAML::LoadFile(WORKSPACE_DIR "/config/reflectivity.yaml")));
+  mapping_common::Parameters file(toXmlRpc(YAML::LoadFile(PACKAGE_DIR "/config/reflectivity.yaml")));
   const ReflectivityParameters read = readReflectivityParameters(file);
   EXPECT_NO_THROW(file.rejectUnknown());
   mapping_common::Parameters none{XmlRpc::XmlRpcValue()};
@@ -146,7 +146,7 @@ TEST(Parameters, TheFileHasThemAllWithTheirDefaults) {
   EXPECT_EQ(defaults.cloud.rows, read.cloud.rows);
   EXPECT_EQ(defaults.cloud.columns, read.cloud.columns);
   EXPECT_NEAR(defaults.cloud.max_error, read.cloud.max_error, 1e-12);
-  const YAML::Node yaml = YAML::LoadFile(WORKSPACE_DIR "/config/reflectivity.yaml");
+  const YAML::Node yaml = YAML::LoadFile(PACKAGE_DIR "/config/reflectivity.yaml");
   for (const std::string& name : file.names()) {
     YAML::Node node = YAML::Clone(yaml);
     std::istringstream parts(name);
@@ -157,7 +157,7 @@ TEST(Parameters, TheFileHasThemAllWithTheirDefaults) {
 
 TEST(Calibrations, ThoseThatShipCanBeRead) {
   int count = 0;
-  for (const auto& entry : std::filesystem::directory_iterator(WORKSPACE_DIR "/config")) {
+  for (const auto& entry : std::filesystem::directory_iterator(PACKAGE_DIR "/config")) {
     const std::string name = entry.path().filename().string();
     if (name.rfind("reflectivity_", 0) != 0 || entry.path().extension() != ".yaml") continue;
     const Calibration c = loadCalibration(entry.path().string());

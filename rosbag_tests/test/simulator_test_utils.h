@@ -27,7 +27,7 @@ void expectError(Call call, const std::string& part) {
 }
 
 inline std::string configFile(const std::string& name) {
-  return std::string(CONFIG_DIR) + "/" + name;
+  return PACKAGE_DIR "/config/" + name;
 }
 
 inline Shape makeShape(Shape::Type type, const Eigen::Vector3d& size,

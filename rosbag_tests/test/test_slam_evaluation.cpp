@@ -268,14 +268,14 @@ TEST(Evaluation, ToolAndPlots) {
 
   if (run("/usr/bin/python3 -c 'import matplotlib'") != 0)
     GTEST_SKIP() << "no figures without python3-matplotlib";
-  EXPECT_EQ(0, run("/usr/bin/python3 " PLOT_EVALUATION " " + dir.path("out")))
+  EXPECT_EQ(0, run("/usr/bin/python3 " PACKAGE_DIR "/scripts/plot_evaluation.py " + dir.path("out")))
       << mapping_common::readFile(dir.path("log"));
   for (const char* name : {"out/room-errors.png", "out/room-maps.png"})
     EXPECT_GT(std::filesystem::file_size(dir.path(name)), 5000u) << name;
-  EXPECT_EQ(0, run("/usr/bin/python3 " PLOT_EVALUATION " " + dir.path("one.png") +
+  EXPECT_EQ(0, run("/usr/bin/python3 " PACKAGE_DIR "/scripts/plot_evaluation.py " + dir.path("one.png") +
                    " room=" + dir.path("out/room-combined.json")));
   EXPECT_GT(std::filesystem::file_size(dir.path("one.png")), 5000u);
-  EXPECT_NE(0, run("/usr/bin/python3 " PLOT_EVALUATION " " + dir.path()));
+  EXPECT_NE(0, run("/usr/bin/python3 " PACKAGE_DIR "/scripts/plot_evaluation.py " + dir.path()));
   EXPECT_TRUE(mentions(mapping_common::readFile(dir.path("log")), {"evaluate_slam --out"}));
 }
 

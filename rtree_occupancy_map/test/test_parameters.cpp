@@ -170,7 +170,7 @@ TEST(Parameters, UnknownOnesAreRejected) {
 }
 
 TEST(Parameters, TheShippedFileHoldsThemAllWithTheirDefaults) {
-  const YAML::Node file = YAML::LoadFile(WORKSPACE_DIR "/config/mapping.yaml");
+  const YAML::Node file = YAML::LoadFile(PACKAGE_DIR "/config/mapping.yaml");
   mapping_common::Parameters shipped(fromYaml(file)), unset{XmlRpcValue()};
   const auto p = readMappingParameters(shipped), q = readMappingParameters(unset);
   EXPECT_EQ(shipped.names(), leafs(file));

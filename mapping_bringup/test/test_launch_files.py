@@ -1,0 +1,112 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
+#
+# Loads every launch file that the packages ship, with the YAML files that it names, as roslaunch does.
+import os
+import pathlib
+import unittest
+
+import roslaunch.arg_dump
+import roslaunch.config
+import rospkg
+import rosunit
+
+PACKAGES = ['hokuyo_sick_drivers', 'ibuild_loop_closure', 'intensity_hector_slam', 'laser_intensity_calib',
+            'mapping_bringup', 'rtree_occupancy_map']
+LAUNCH_FILES = [f for package in PACKAGES
+                for f in sorted((pathlib.Path(rospkg.RosPack().get_path(package)) / 'launch').glob('*.launch'))]
+
+
+def load(launch_file, *args):
+    """The launch file's configuration; arguments without a default get some value."""
+    required = [name + ':=/nowhere' for name, (_, default) in arguments(launch_file).items() if default is None]
+    return roslaunch.config.load_config_default([(str(launch_file), required + list(args))], None)
+
+
+def arguments(launch_file):
+    """Name -> (doc, default)."""
+    return roslaunch.arg_dump.get_args([str(launch_file)])
+
+
+def find(name):
+    return next(f for f in LAUNCH_FILES if f.name == name)
+
+
+def node_of_type(config, node_type):
+    return next((node for node in config.nodes if node.type == node_type), None)
+
+
+class LaunchFilesTest(unittest.TestCase):
+
+    def test_all_are_among_them(self):
+        names = [f.name for f in LAUNCH_FILES]
+        for name in ('hokuyo.launch', 'loop_closure.launch', 'mapping_bag.launch', 'reflectivity.launch', 'robot.launch',
+                     'slam.launch'):
+            self.assertIn(name, names)
+
+    def test_each_argument_has_a_doc(self):
+        for launch_file in LAUNCH_FILES:
+            for name, (doc, _) in arguments(launch_file).items():
+                self.assertTrue(doc, 'argument {} of {}'.format(name, launch_file.name))
+
+    def test_each_loads(self):
+        for launch_file in LAUNCH_FILES:
+            self.assertTrue(load(launch_file).nodes, launch_file.name)
+
+    def test_rviz_is_given_a_file(self):
+        for launch_file in LAUNCH_FILES:
+            if 'rviz' not in arguments(launch_file):
+                continue
+            self.assertIsNone(node_of_type(load(launch_file, 'rviz:=false'), 'rviz'), launch_file.name)
+            args = node_of_type(load(launch_file, 'rviz:=true'), 'rviz').args.split()
+            self.assertTrue(os.path.getsize(args[args.index('-d') + 1]), launch_file.name)
+
+    def test_nodelets_start_without_parameters_of_earlier_runs(self):
+        for launch_file in LAUNCH_FILES:
+            for node in load(launch_file).nodes:
+                if node.type == 'nodelet' and node.args != 'manager':
+                    self.assertIn(node.namespace + node.name + '/', load(launch_file).clear_params, launch_file.name)
+
+    def test_relative_paths_are_those_of_the_shell(self):
+        here = os.environ['PWD'] = os.getcwd()
+        for name, argument, expected in (('mapping.launch', 'map_file:=a.map', '/mapping/map_file'),
+                                         ('slam.launch', 'save_on_shutdown:=a.map', '/slam/save_on_shutdown'),
+                                         ('zf_reader.launch', 'file:=a.map', '/zf_reader/file')):
+            self.assertEqual(here + '/a.map', load(find(name), argument).params[expected].value)
+        for name in ('slam_bag.launch', 'mapping_bag.launch', 'loop_closure_bag.launch'):
+            replay = node_of_type(load(find(name), 'bag:=a.bag'), 'replay')
+            self.assertEqual(here + '/a.bag', replay.args.split()[0])
+            self.assertEqual('/absolute/a.bag', node_of_type(load(find(name), 'bag:=/absolute/a.bag'), 'replay').args.split()[0])
+
+    def test_live_devices_run_on_the_wall_clock(self):
+        for name in ('hokuyo.launch', 'sick.launch', 'robot.launch'):
+            self.assertEqual(False, load(find(name)).params['/use_sim_time'].value)
+
+    def test_robot_in_a_namespace(self):
+        config = load(find('robot.launch'), 'robot:=alice', 'laser_pose:=0.2 0 0.3 0 0 0', 'mapping:=true', 'rviz:=true',
+                      'loop_closure:=true', 'calibration:=/nowhere.yaml')
+        for node in config.nodes:
+            self.assertEqual('/alice/', node.namespace, node.name)
+        frames = {name: config.params['/alice/' + name].value for name in (
+            'hokuyo/frame_id', 'slam/base_frame', 'slam/odom_frame', 'slam/map_frame', 'mapping/frame_id',
+            'slam/tf_map_scanmatch_transform_frame_name', 'loop_closure/fixed_frame')}
+        for name, frame in frames.items():
+            self.assertTrue(frame.startswith('alice/'), name + ' is ' + frame)
+        self.assertEqual('0.2 0 0.3 0 0 0 alice/base_link alice/laser',
+                         node_of_type(config, 'static_transform_publisher').args)
+        self.assertIn(['scan', 'scan_reflectivity'], next(n for n in config.nodes if n.name == 'slam').remap_args)
+
+    def test_mapping_arguments(self):
+        mapping = find('mapping.launch')
+        default = load(mapping)
+        self.assertEqual('standalone rtree_occupancy_map/MappingNodelet', node_of_type(default, 'nodelet').args)
+        self.assertEqual(0.2, default.params['/mapping/resolution'].value)
+        changed = load(mapping, 'manager:=lidar/manager', 'resolution:=1', 'name:=other', 'frame_id:=odom')
+        self.assertEqual('load rtree_occupancy_map/MappingNodelet lidar/manager',
+                         node_of_type(changed, 'nodelet').args)
+        self.assertEqual(1.0, changed.params['/other/resolution'].value)
+        self.assertEqual('odom', changed.params['/other/frame_id'].value)
+
+
+if __name__ == '__main__':
+    rosunit.unitrun('mapping_bringup', 'launch_files', LaunchFilesTest)
