@@ -45,6 +45,8 @@ install_missing() {
 # build [TARGET]
 build() {
   say "Building${1:+ $1}"
+  local package
+  for package in */package.xml; do ln -sfn "../${package%/*}" "src/${package%/*}"; done
   catkin_make -j"$(nproc)" -DPYTHON_EXECUTABLE=/usr/bin/python3 -DCMAKE_BUILD_TYPE=Release -DCMAKE_CXX_FLAGS=-Werror \
     "$@" >build.log 2>&1 || { grep -E -A5 '(error|Error)' build.log | head -40 >&2; echo "The build failed: see build.log" >&2; exit 1; }
 }
