@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
-# Sourced by the scripts beside it: installs what is missing (Debian 12 and its own ROS packages) and builds.
+# Sourced by the scripts beside it: installs what is missing (Debian 11, 12 or 13 and their own ROS packages) and builds.
+# shellcheck disable=SC2034
 
 set -euo pipefail
 workspace=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
@@ -7,48 +8,118 @@ cd "$workspace"
 export PATH=/usr/sbin:/usr/bin:/sbin:/bin  # Debian's python3, which has the ROS modules, before any other
 export LC_ALL=C.UTF-8 DEBIAN_FRONTEND=noninteractive
 
-packages_build=(
+# To build and run the drivers, and what else one types on a robot: rostopic echo needs the messages' Python modules.
+packages_drivers=(
   build-essential catkin cmake
-  ros-core-dev libdiagnostic-updater-dev libdynamic-reconfigure-config-init-mutex-dev libmap-msgs-dev libnav-msgs-dev
-  libcv-bridge-dev libimage-transport-dev libnodelet-dev libnodeletlib-dev pluginlib-dev librosbag-dev libtf2-dev
-  libtf2-eigen-dev libtf2-msgs-dev libtf2-ros-dev
-  libvisualization-msgs-dev python3-dynamic-reconfigure
-  libboost-iostreams-dev libboost-program-options-dev libeigen3-dev libgtest-dev liblzma-dev liboctomap-dev libopencv-dev
-  libpcl-dev libqhull-dev libtinyxml2-dev libyaml-cpp-dev
-  python3-rostest
+  ros-core-dev libdiagnostic-updater-dev libdynamic-reconfigure-config-init-mutex-dev libnodelet-dev libnodeletlib-dev
+  libtf2-msgs-dev libtf2-ros-dev pluginlib-dev
+  libboost-program-options-dev libeigen3-dev libtinyxml2-dev libyaml-cpp-dev
+  libnodeletlib-tools rosbash tf2-tools
+  python3-dynamic-reconfigure python3-rosbag python3-roslaunch python3-rosmsg python3-rosnode python3-rosparam
+  python3-rosservice python3-rostopic
+  python3-diagnostic-msgs python3-geometry-msgs python3-map-msgs python3-nav-msgs python3-sensor-msgs python3-std-msgs
+  python3-tf2-msgs python3-visualization-msgs
 )
-packages_run=(libnodeletlib-tools python3-rosbag python3-roslaunch python3-rosservice python3-rostopic rosbash xz-utils)
+# To build all, and its tests. PCL is by far the largest.
+packages_build=(
+  "${packages_drivers[@]}"
+  libcv-bridge-dev libimage-transport-dev libmap-msgs-dev libtf2-eigen-dev
+  libboost-iostreams-dev libgtest-dev liblzma-dev liboctomap-dev libopencv-dev libpcl-dev libqhull-dev
+  python3-rostest xz-utils
+)
 packages_pictures=(rviz xvfb imagemagick)
 packages_plots=(python3-matplotlib python3-yaml)
-packages_fuzz=(clang-14 libclang-rt-14-dev libeigen3-dev libtinyxml2-dev make)
+packages_fuzz=(clang libeigen3-dev libtinyxml2-dev make)
 
 say() { printf '\n== %s\n' "$*" >&2; }
+# took START: how long it took since $SECONDS was START
+took() { printf '   took %d:%02d min\n' $(((SECONDS - $1) / 60)) $(((SECONDS - $1) % 60)) >&2; }
 
+# follow LOG: copies what make or apt-get says to LOG and shows how far it is, on one changing line of a terminal, else at
+# each tenth.
+follow() {
+  local line percent what last=-10
+  while IFS= read -r line; do
+    if [[ $line =~ ^(dl|pm)status:.*:([0-9]+)\.[0-9]+:(.*)$ ]]; then  # apt-get: downloads, packages
+      percent=${BASH_REMATCH[2]} what=${BASH_REMATCH[3]}
+    else
+      printf '%s\n' "$line" >&3
+      [[ $line =~ ^\[\ *([0-9]+)%\]\ (Building\ |Linking\ |Built\ target\ )?(CXX\ )?(object\ )?(.*)$ ]] || continue
+      percent=${BASH_REMATCH[1]} what=${BASH_REMATCH[5]/CMakeFiles\/*.dir\//}
+    fi
+    if [ -t 2 ]; then
+      printf '\r\033[K%3d %% %.90s' "$percent" "$what" >&2
+    elif [ "$percent" -ge $((last + 10)) ] || [ "$percent" -lt "$last" ]; then
+      printf '%3d %% %.90s\n' "$percent" "$what" >&2
+      last=$((percent / 10 * 10))
+    fi
+  done 3>"$1"
+  [ ! -t 2 ] || printf '\r\033[K' >&2
+}
+
+# install_missing PACKAGE...
 install_missing() {
-  local missing=() package
+  local missing=() package sudo=() start=$SECONDS
   for package in "$@"; do
     dpkg-query -W -f '${Status}' "$package" 2>/dev/null | grep -q 'ok installed' || missing+=("$package")
   done
   [ ${#missing[@]} -gt 0 ] || return 0
-  if ! grep -q '^VERSION_ID="12"' /etc/os-release || ! grep -q '^ID=debian' /etc/os-release; then
-    echo "These scripts install packages on Debian 12 alone; missing here: ${missing[*]}" >&2
+  if ! grep -q '^ID=debian' /etc/os-release || ! grep -qE '^VERSION_ID="1[123]"' /etc/os-release; then
+    echo "These scripts install packages on Debian 11, 12 and 13 alone; missing here: ${missing[*]}" >&2
     echo "For Ubuntu 20.04 with ROS Noetic see the README." >&2
     exit 1
   fi
-  say "Installing ${missing[*]}"
-  local sudo=()
   [ "$(id -u)" = 0 ] || sudo=(sudo)
-  "${sudo[@]}" apt-get update -qq
-  "${sudo[@]}" apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null
+  say "Installing ${missing[*]}"
+  if ! "${sudo[@]}" apt-get update -qq >install.log 2>&1; then
+    cat install.log >&2
+    exit 1
+  fi
+  LC_ALL=C apt-get install --assume-no --no-install-recommends "${missing[@]}" 2>/dev/null |
+    sed -nE 's/^Need to get (.*) of archives.*/   \1 to download/p; s/^After this operation, (.*) of add.*/   \1 on the disk/p' >&2 || true
+  # shellcheck disable=SC2016
+  "${sudo[@]}" sh -c 'exec apt-get install -y --no-install-recommends -o APT::Status-Fd=3 "$@" 3>&1 >>install.log 2>&1' sh \
+    "${missing[@]}" | follow /dev/null ||
+    { grep -E -B2 '^(E|W|Err|dpkg):? ' install.log | head -40 >&2; echo "Installing failed: see install.log" >&2; exit 1; }
+  took "$start"
 }
 
-# build [TARGET]
-build() {
-  say "Building${1:+ $1}"
-  local package
+# The catkin source space of this clone: src/PACKAGE -> ../PACKAGE. Where the clone is in another workspace's source space,
+# catkin would find each package twice.
+link_packages() {
+  local dir=$workspace package
+  while [ "$dir" != / ]; do
+    dir=$(dirname "$dir")
+    if [ -L "$dir/CMakeLists.txt" ] && [[ $(readlink "$dir/CMakeLists.txt") == */catkin/cmake/toplevel.cmake ]]; then
+      dir=$(dirname "$dir")
+    elif [[ $workspace/ != $dir/src/* ]] || { [ ! -e "$dir/.catkin_workspace" ] && [ ! -e "$dir/.catkin_tools" ]; }; then
+      continue
+    fi
+    echo "This clone is in the source space of the catkin workspace $dir: build there, with" >&2
+    echo "  cd $dir && catkin_make -DCMAKE_BUILD_TYPE=Release" >&2
+    echo "or clone to another place for scripts/${0##*/}." >&2
+    exit 1
+  done
+  find src -xtype l -delete
   for package in */package.xml; do ln -sfn "../${package%/*}" "src/${package%/*}"; done
-  catkin_make -j"$(nproc)" -DPYTHON_EXECUTABLE=/usr/bin/python3 -DCMAKE_BUILD_TYPE=Release -DCMAKE_CXX_FLAGS=-Werror \
-    "$@" >build.log 2>&1 || { grep -E -A5 '(error|Error)' build.log | head -40 >&2; echo "The build failed: see build.log" >&2; exit 1; }
+}
+
+# build [--only PACKAGE] [TARGET...]: --only leaves out what PACKAGE doesn't depend on, and tests
+build() {
+  local start=$SECONDS what="all packages" options=(-DCATKIN_WHITELIST_PACKAGES= -DCATKIN_ENABLE_TESTING=ON)
+  if [ "${1:-}" = --only ]; then
+    what=$2 options=(--only-pkg-with-deps "$2" -DCATKIN_ENABLE_TESTING=OFF)
+    shift 2
+  fi
+  link_packages
+  if command -v ccache >/dev/null; then options+=(-DCMAKE_CXX_COMPILER_LAUNCHER=ccache); fi
+  local jobs  # a compiler needs up to a gigabyte
+  jobs=$(awk -v cores="$(nproc)" '/^MemAvailable/ {n = int($2 / 1e6); print n < 1 ? 1 : n < cores ? n : cores}' /proc/meminfo)
+  say "Building $what with $jobs compilers at a time"
+  catkin_make "$@" -j"$jobs" -DPYTHON_EXECUTABLE=/usr/bin/python3 -DCMAKE_BUILD_TYPE=Release -DCMAKE_CXX_FLAGS=-Werror \
+    "${options[@]}" 2>&1 | follow build.log ||
+    { grep -E -A5 '(error|Error|undefined reference)' build.log | head -40 >&2; echo "The build failed: see build.log" >&2; exit 1; }
+  took "$start"
 }
 
 # The workspace's environment, which isn't written for "set -u".
