@@ -1,33 +1,32 @@
 # SPDX-License-Identifier: BSD-3-Clause
 # A bag is replayed by rosbag through the mapping nodelet under roslaunch: a picture from RViz, the map, the comparison
 # with OctoMap.
+source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 rm -f "$out"/street.map "$out"/map.png
 if [ -z "$bag" ]; then
   bag=$out/street.bag cloud=velodyne_points
-  say "Simulating a drive along a street"
+  echo "Simulating a drive along a street"
   rosrun rosbag_tests simulate --world config/worlds/street.yaml --sensor config/simulator/velodyne_hdl64e.yaml \
-    --duration 15 --seed 1 --out "$bag"
+    --duration $((quick ? 5 : 15)) --seed 1 --out "$bag"
 elif [ -z "$cloud" ]; then
   cloud=$(rosbag info -y -k topics "$bag" | awk '/topic:/ {t = $3} /sensor_msgs\/PointCloud2/ {print t; exit}')
-  [ -n "$cloud" ] || { echo "demo: $bag has no sensor_msgs/PointCloud2 topic" >&2; exit 2; }
+  [ -n "$cloud" ] || fail "$bag has no sensor_msgs/PointCloud2 topic"
 fi
 
-say "Mapping $bag, topic $cloud: rosbag -> roslaunch -> nodelet -> RViz"
+echo "Mapping $bag, topic $cloud: rosbag -> roslaunch -> nodelet -> RViz"
+screen
 launch mapping_bag.launch bag:="$bag" cloud:="$cloud" frame_id:="$frame" rviz:=true exit_at_end:=false
-until logged 'process\[bag-.*started' || ! kill -0 $launched 2>/dev/null; do sleep 0.5; done
-duration=$(rosbag info -y -k duration "$bag") start=$SECONDS
-until logged '\[bag-.*process has' || ! kill -0 $launched 2>/dev/null; do
-  printf '\rreplaying, %d s of %.0f s ' $((SECONDS - start)) "$duration" >&2
-  sleep 1
-done
-printf '\n' >&2
-logged '\[bag-.*finished cleanly' || { tail -20 "$log" >&2; echo "demo: the replay failed, see $log" >&2; exit 1; }
+until_logged 'process\[bag-.*started' "$launched"
+duration=$(rosbag info -y -k duration "$bag")
+printf 'Replaying %.0f s\n' "$duration"
+until_logged '\[bag-.*process has' "$launched"
+logged '\[bag-.*finished cleanly' || { tail -20 "$log" >&2; fail "the replay failed, see $log"; }
 sleep 8  # the last scans, and RViz drawing them
 picture "$out/map.png"
-rosservice call /mapping/save_map "path: '$out/street.map'" | grep -q 'success: True' ||
-  { echo "demo: the map was not saved, see $log" >&2; exit 1; }
-stop $launched
+saved=$(rosservice call /mapping/save_map "path: '$out/street.map'" 2>&1) || true
+[[ $saved == *'success: True'* ]] || fail "the map was not saved: $saved; see $log"
+stop "$launched"
 
-say "The same scans in OctoMap and in the R-tree map"
+echo "The same scans in OctoMap and in the R-tree map"
 rosrun rosbag_tests compare_octomap --bag "$bag" --cloud "$cloud" --fixed-frame "$frame" --fusion equal thesis \
   --json "$out/comparison.json" | tee "$out/comparison.txt"
