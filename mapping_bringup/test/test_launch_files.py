@@ -4,6 +4,7 @@
 # Loads every launch file that the packages ship, with the YAML files that it names, as roslaunch does.
 import os
 import pathlib
+import runpy
 import unittest
 
 import roslaunch.arg_dump
@@ -77,6 +78,17 @@ class LaunchFilesTest(unittest.TestCase):
             replay = node_of_type(load(find(name), 'bag:=a.bag'), 'replay')
             self.assertEqual(here + '/a.bag', replay.args.split()[0])
             self.assertEqual('/absolute/a.bag', node_of_type(load(find(name), 'bag:=/absolute/a.bag'), 'replay').args.split()[0])
+
+    def test_replays_are_given_what_they_understand(self):
+        path = os.path.join(rospkg.RosPack().get_path('mapping_common'), 'scripts', 'replay')
+        parse = runpy.run_path(path)['parse']
+        for name, argument in (('slam_bag.launch', 'scan:=one'), ('mapping_bag.launch', 'cloud:=one'),
+                               ('loop_closure_bag.launch', 'image:=one')):
+            node = node_of_type(load(find(name), 'bag:=/a.bag', argument, 'play_args:=--start 10'), 'replay')
+            arguments = parse(node.args.split())
+            self.assertEqual('/a.bag', arguments.bag)
+            self.assertIn('one', arguments.topics)
+            self.assertEqual(['--clock', '--delay', '2', '--rate', '1.0', '--start', '10'], arguments.play)
 
     def test_live_devices_run_on_the_wall_clock(self):
         for name in ('hokuyo.launch', 'sick.launch', 'robot.launch'):
