@@ -20,7 +20,7 @@ constexpr int kWorthIndexing = 512;
 constexpr double kRounding = 1e-6;
 
 Options complete(Options options) {
-  options.validate();
+  mapping_common::validate(options);
   options.tree.occupied_log_odds = logOdds(options.occupancy_threshold);
   options.tree.store_reflectivity = options.reflectivity;
   return options;
@@ -39,8 +39,7 @@ void OccupancyMap::setRange(double min_range, double max_range) {
   Options changed = options_;
   changed.min_range = min_range;
   changed.max_range = max_range;
-  changed.validate();
-  options_ = changed;
+  options_ = mapping_common::validate(changed);
 }
 
 void OccupancyMap::clear() {

@@ -35,19 +35,7 @@ std::size_t share(std::size_t n, std::size_t nodes, std::size_t i) {
 
 }  // namespace
 
-void RTreeOptions::validate() const {
-  if (max_entries < 2 || max_entries > 256) {
-    throw std::invalid_argument("max_entries (M) is " + std::to_string(max_entries) +
-                                ", allowed is 2 to 256");
-  }
-  if (min_entries < 1 || min_entries > max_entries / 2) {
-    throw std::invalid_argument("min_entries (d) is " + std::to_string(min_entries) +
-                                ", allowed is 1 to M / 2 = " + std::to_string(max_entries / 2));
-  }
-}
-
-RTree::RTree(const RTreeOptions& options) : options_(options) {
-  options_.validate();
+RTree::RTree(const RTreeOptions& options) : options_(mapping_common::validate(options)) {
   const std::size_t entry =
       sizeof(VoxelBox) + sizeof(Payload) + (options_.store_reflectivity ? sizeof(Reflectivity) : 0);
   stride_ = sizeof(Node) + entry * options_.max_entries;

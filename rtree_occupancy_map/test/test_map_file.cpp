@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <dirent.h>
 #include <gtest/gtest.h>
+#include <mapping_common/archive.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <boost/crc.hpp>
 #include <cstring>
 #include <fstream>
 #include <iterator>
@@ -41,10 +41,10 @@ class MapFileTest : public ::testing::Test {
   void write(const std::string& bytes) const { std::ofstream(path_, std::ios::binary) << bytes; }
   // Makes the checksum right again after a change: what is left to be found is the content.
   void writeWithChecksum(std::string bytes) const {
-    boost::crc_32_type crc;
-    crc.process_bytes(bytes.data(), bytes.size() - 4);
-    const std::uint32_t value = crc.checksum();
-    std::memcpy(&bytes[bytes.size() - 4], &value, 4);
+    mapping_common::Checksum checksum;
+    checksum.add(bytes.data(), bytes.size() - 8);
+    const std::uint64_t value = checksum.value();
+    std::memcpy(&bytes[bytes.size() - 8], &value, 8);
     write(bytes);
   }
   std::string loadError() const {
@@ -108,6 +108,32 @@ TEST_F(MapFileTest, ComesBackAndGoesOn) {
   }
 }
 
+// The bytes of version 1 were written by the program that wrote that version.
+TEST_F(MapFileTest, OlderVersionsAreRead) {
+  const OccupancyMap map = OccupancyMap::load(PACKAGE_DIR "/test/files/version1.map");
+  const Options& o = map.options();
+  EXPECT_EQ(0.25, o.resolution);
+  EXPECT_EQ(0.8, o.prob_hit);
+  EXPECT_EQ(20.0, o.max_range);
+  EXPECT_EQ(SensorModel::kEndPoint, o.sensor_model);
+  EXPECT_EQ(FusionRule::kThesis, o.fusion_rule);
+  EXPECT_EQ(FusionStrategy::kNone, o.fusion_strategy);
+  EXPECT_EQ("yxz", o.search_order);
+  EXPECT_EQ(7u, o.seed);
+  EXPECT_FALSE(o.dynamic);
+  EXPECT_EQ(3, o.tree.min_entries);
+  EXPECT_EQ(SplitMethod::kRStar, o.tree.split);
+  ASSERT_EQ(3u, map.tree().size());
+  for (int i = 0; i < 3; ++i) {
+    const std::optional<Cell> cell = map.cellAt(Voxel{4 + 4 * i, 0, 0});
+    ASSERT_TRUE(cell);
+    EXPECT_EQ(0.5F + 0.25F * static_cast<float>(i), cell->reflectivity.mean);
+    EXPECT_FLOAT_EQ(std::log(4.0F), cell->log_odds);
+  }
+  map.save(path_);
+  EXPECT_TRUE(mapping_common::same(o, OccupancyMap::load(path_).options()));
+}
+
 TEST_F(MapFileTest, AnEmptyMapIsAMap) {
   makeMap(false, 0).save(path_);
   EXPECT_EQ(OccupancyMap::load(path_).tree().size(), 0U);
@@ -154,7 +180,7 @@ TEST_F(MapFileTest, SaysWhatIsWrong) {
 TEST_F(MapFileTest, ChecksTheContent) {
   makeMap(false, 1).save(path_);
   const std::string bytes = read();
-  const std::size_t cell = 16, last = bytes.size() - 4 - cell;
+  const std::size_t cell = 16, last = bytes.size() - 8 - cell;
   const auto patched = [&](std::size_t at, const void* data, std::size_t size) {
     std::string b = bytes;
     std::memcpy(&b[at], data, size);
@@ -163,8 +189,9 @@ TEST_F(MapFileTest, ChecksTheContent) {
   };
   writeWithChecksum(bytes);
   EXPECT_EQ(loadError(), "");
-  const double resolution = -1.0;
-  EXPECT_NE(patched(12, &resolution, 8).find("resolution is -1"), std::string::npos);
+  EXPECT_NE(patched(bytes.find("0.25"), "-1.0", 4).find("resolution is -1"), std::string::npos);
+  EXPECT_NE(patched(bytes.find("rstar"), "roman", 5).find("tree/split is 'roman'"), std::string::npos);
+  EXPECT_NE(patched(bytes.find("seed"), "sees", 4).find("an option sees"), std::string::npos);
   const std::int16_t inverted[6] = {5, 5, 5, 4, 6, 6}, wide[6] = {0, 0, 0, 40, 1, 1};
   EXPECT_NE(patched(last, inverted, 12).find("cuboid within a block"), std::string::npos);
   EXPECT_NE(patched(last, wide, 12).find("cuboid within a block"), std::string::npos);
@@ -174,7 +201,7 @@ TEST_F(MapFileTest, ChecksTheContent) {
   EXPECT_NE(patched(last + 12, &high, 4).find("log odds"), std::string::npos);
   // A number of cells that would need more memory than there is.
   std::string b = bytes;
-  const std::size_t count_at = bytes.size() - 4 -
+  const std::size_t count_at = bytes.size() - 8 -
                                cell * OccupancyMap::load([this, &bytes] {
                                         write(bytes);
                                         return path_;

@@ -275,10 +275,10 @@ TEST(RTreeOptions, RefusesBadOrdersByName) {
     }
     return "";
   };
-  EXPECT_NE(message(1, 1).find("max_entries (M) is 1"), std::string::npos);
-  EXPECT_NE(message(1, 1000).find("max_entries (M) is 1000"), std::string::npos);
-  EXPECT_NE(message(0, 8).find("min_entries (d) is 0"), std::string::npos);
-  EXPECT_NE(message(5, 8).find("min_entries (d) is 5"), std::string::npos);
+  EXPECT_NE(message(1, 1).find("max_entries is 1"), std::string::npos);
+  EXPECT_NE(message(1, 1000).find("max_entries is 1000"), std::string::npos);
+  EXPECT_NE(message(0, 8).find("min_entries is 0"), std::string::npos);
+  EXPECT_NE(message(5, 8).find("min_entries is 5"), std::string::npos);
   EXPECT_EQ(message(4, 8), "");
 }
 

@@ -187,6 +187,15 @@ void copyDynamic(Options from, Options& to) {
     if (option.isDynamic()) list.find(option.name())->set(option.get());
 }
 
+/// Whether all that is described is alike.
+template <class Options>
+bool same(Options a, Options b) {
+  OptionList list = optionsOf(b);
+  for (const auto& [option, section] : optionsOf(a))
+    if (option.get() != list.find(option.name())->get()) return false;
+  return true;
+}
+
 /// The YAML file with all options, their values and what they are for.
 std::string toYaml(const OptionList& options, const std::string& title);
 /// The same as a table.

@@ -68,7 +68,7 @@ struct Statistics {
 
 class OccupancyMap {
  public:
-  /// @throws std::invalid_argument as Options::validate
+  /// @throws std::invalid_argument that names the option, its value and what is allowed
   explicit OccupancyMap(const Options& options = {});
   OccupancyMap(OccupancyMap&&) noexcept;
   OccupancyMap& operator=(OccupancyMap&&) noexcept;
@@ -77,8 +77,8 @@ class OccupancyMap {
   const Options& options() const { return options_; }
   const RTree& tree() const { return tree_; }
 
-  /// Changes the range limits of Options for the scans to come (m). @throws std::invalid_argument as
-  /// Options::validate
+  /// Changes the range limits of Options for the scans to come (m).
+  /// @throws std::invalid_argument that names the option, its value and what is allowed
   void setRange(double min_range, double max_range);
 
   /// Updates every voxel that the scan touches once (Eq. 2.7), an end point before a crossing beam, and

@@ -3,6 +3,8 @@
 // What a map is built with. The sensor model's defaults are those of the thesis's evaluation (section 2.6).
 #pragma once
 
+#include <mapping_common/options.h>
+
 #include <cstdint>
 #include <limits>
 #include <string>
@@ -11,59 +13,102 @@
 
 namespace rtree_occupancy_map {
 
-enum class SensorModel {
-  kBeam,     ///< a beam frees what it crosses and occupies the voxel that it ends in
-  kEndPoint  ///< a beam occupies the voxel that it ends in, that is all
-};
+enum class SensorModel { kBeam, kEndPoint };
+constexpr auto choicesOf(SensorModel) {
+  return mapping_common::choices<SensorModel>(
+      {{"beam", SensorModel::kBeam, "frees what beams cross and occupies the voxels where they end"},
+       {"endpoint", SensorModel::kEndPoint, "only occupies"}});
+}
 
 /// Which neighbours may fuse. Either way all voxels of a fused cell have had the same log odds.
-enum class FusionRule {
-  kThesis,     ///< both at or beyond the same clamping threshold, Eq. 2.10 and 2.11
-  kEqualValue  ///< both of equal log odds, as OctoMap prunes
-};
+enum class FusionRule { kThesis, kEqualValue };
+constexpr auto choicesOf(FusionRule) {
+  return mapping_common::choices<FusionRule>(
+      {{"thesis", FusionRule::kThesis, "those at or beyond the same clamping threshold, Eq. 2.10 and 2.11"},
+       {"equal", FusionRule::kEqualValue, "those of equal log odds, as OctoMap prunes"}});
+}
 
 /// How cells to be fused are searched.
-enum class FusionStrategy {
-  kBlock,      ///< every block of 32^3 voxels that a scan changed is divided into cuboids anew
-  kExpansion,  ///< Fig. 2.7: selected cells double along the search directions for as long as they can
-  kNone        ///< cells stay voxels
-};
+enum class FusionStrategy { kBlock, kExpansion, kNone };
+constexpr auto choicesOf(FusionStrategy) {
+  return mapping_common::choices<FusionStrategy>(
+      {{"block", FusionStrategy::kBlock, "divides every changed block of 32^3 voxels into cuboids anew"},
+       {"expansion", FusionStrategy::kExpansion,
+        "selected cells double along the search directions for as long as they can, Fig. 2.7"},
+       {"none", FusionStrategy::kNone, "cells stay voxels"}});
+}
 
+/// See describe() for what each is.
 struct Options {
-  double resolution = 0.2;           ///< m, edge of a voxel, > 0
-  double prob_hit = 0.7;             ///< P_occ, 0.5 to 1
-  double prob_miss = 0.4;            ///< P_free, 0 to 0.5
-  double clamping_min = 0.12;        ///< mu_min, probability
-  double clamping_max = 0.97;        ///< mu_max, probability
-  double prior = 0.5;                ///< of a voxel never observed, prob_miss to prob_hit
-  double occupancy_threshold = 0.5;  ///< from this probability up a voxel is occupied
-  double min_range = 0.0;            ///< m, nearer returns are dropped: the robot itself
-  double max_range = std::numeric_limits<double>::infinity();  ///< m, to the end voxel's centre; longer beams
-                                                               ///< are cut and only clear
+  double resolution = 0.2;
   SensorModel sensor_model = SensorModel::kBeam;
+  double prob_hit = 0.7;                            ///< P_occ
+  double prob_miss = 0.4;                           ///< P_free
+  double clamping_min = 0.12, clamping_max = 0.97;  ///< mu_min, mu_max
+  double prior = 0.5;
+  double occupancy_threshold = 0.5;
+  double min_range = 0.0, max_range = std::numeric_limits<double>::infinity();
   FusionRule fusion_rule = FusionRule::kEqualValue;
   FusionStrategy fusion_strategy = FusionStrategy::kBlock;
-  /// Search order. Blocks: the axes along which a cuboid grows, first to last, a permutation of "xyz".
-  /// Expansion: the directions while all sides are equal, + before - ("xyz" is the thesis's); otherwise the
-  /// longer sides go first.
   std::string search_order = "zxy";
-  double samples_per_metre = 0.5;  ///< expansion only: cells selected along each beam, besides its end point
-  std::uint64_t seed = 1;          ///< of that selection
-  /// true: cells are updated whatever they have settled at, and split where observations contradict them.
-  /// false: what has reached a clamping threshold is no longer updated, as in the thesis (2.5.1).
+  double samples_per_metre = 0.5;
+  std::uint64_t seed = 1;
   bool dynamic = true;
-  bool reflectivity = false;  ///< cells carry the mean reflectivity of their returns
-  RTreeOptions tree;          ///< order (d, M) and split; the other members are set by the map
+  bool reflectivity = false;
+  RTreeOptions tree;  ///< those that it doesn't describe are set by the map
 
-  /// @throws std::invalid_argument that names the parameter, its value and the allowed range
-  void validate() const;
+  void describe(mapping_common::OptionList& o) {
+    o("resolution", resolution, "m", "edge of a voxel, the smallest cell").above(0.0).below(1e6);
+    o("reflectivity", reflectivity, "",
+      "true: cells carry the mean reflectivity of their returns, for 8 bytes a cell");
+    o("dynamic", dynamic, "",
+      "true: what moved away is cleared; false: what has reached a clamping threshold is no longer updated, "
+      "as in the "
+      "thesis (2.5.1), which costs less time");
+    o("sensor_model/type", sensor_model, "", "");
+    o("sensor_model/hit", prob_hit, "",
+      "probability of being occupied where a beam ends: higher settles sooner")
+        .atLeast(0.5)
+        .below(1.0);
+    o("sensor_model/miss", prob_miss, "", "the same where a beam crosses: lower clears sooner")
+        .above(0.0)
+        .atMost(0.5);
+    o("sensor_model/min", clamping_min, "",
+      "clamping thresholds, probabilities: the closer to 0 and 1, the more observations it takes to change "
+      "what has "
+      "settled")
+        .above(0.0)
+        .below(0.5);
+    o("sensor_model/max", clamping_max, "", "the same for what is occupied").above(0.5).below(1.0);
+    o("sensor_model/prior", prior, "", "probability of what was never observed");
+    o("sensor_model/occupancy_threshold", occupancy_threshold, "",
+      "from this probability up a cell is occupied");
+    o("sensor_model/min_range", min_range, "m", "nearer returns are left out: the robot itself")
+        .atLeast(0.0)
+        .dynamic();
+    o("sensor_model/max_range", max_range, "m",
+      "to the centre of the voxel that a beam ends in; longer beams are cut here and only clear")
+        .above(0.0)
+        .orUnlimited()
+        .dynamic();
+    o("fusion/rule", fusion_rule, "", "which neighbouring cells fuse to larger ones");
+    o("fusion/strategy", fusion_strategy, "", "how they are searched");
+    o("fusion/search_order", search_order, "",
+      "axes along which a cuboid grows, first to last; with expansion the directions while all sides are "
+      "equal (the "
+      "thesis's are xyz), otherwise the longer sides go first")
+        .oneOf({"xyz", "xzy", "yxz", "yzx", "zxy", "zyx"});
+    o("fusion/samples_per_metre", samples_per_metre, "1/m",
+      "expansion: cells selected along each beam, besides its end; more fuse more, and take more time")
+        .within(0.0, 1000.0);
+    o("seed", seed, "", "expansion: of that selection. The same seed and scans give the same map").atLeast(0);
+    o.group("tree", "the R-tree, a trade of memory against time", tree);
+    o.require(prior >= prob_miss && prior <= prob_hit && prior > clamping_min && prior < clamping_max,
+              "sensor_model/prior", "miss to hit, between the clamping thresholds");
+    o.require(occupancy_threshold > clamping_min && occupancy_threshold < clamping_max,
+              "sensor_model/occupancy_threshold", "between the clamping thresholds");
+    o.require(max_range > min_range, "sensor_model/max_range", "more than min_range");
+  }
 };
-
-/// From the names that parameters and command lines use, e.g. "beam", "thesis", "block", "quadratic".
-/// @throws std::invalid_argument that names the parameter, the value and what is allowed
-SensorModel parseSensorModel(const std::string& name);        ///< beam | endpoint
-FusionRule parseFusionRule(const std::string& name);          ///< thesis | equal
-FusionStrategy parseFusionStrategy(const std::string& name);  ///< block | expansion | none
-SplitMethod parseSplitMethod(const std::string& name);        ///< quadratic | linear | rstar
 
 }  // namespace rtree_occupancy_map

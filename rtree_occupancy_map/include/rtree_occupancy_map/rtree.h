@@ -5,6 +5,8 @@
 // packed anew and only leaves, not cells, climb the hierarchy.
 #pragma once
 
+#include <mapping_common/options.h>
+
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -17,27 +19,35 @@
 
 namespace rtree_occupancy_map {
 
-enum class SplitMethod {
-  kQuadratic,  ///< Guttman's quadratic split, the thesis's choice
-  kLinear,     ///< Guttman's linear split
-  kRStar       ///< the split of the R*-tree (Beckmann et al. 1990), without its forced re-insertion
-};
+/// Of a full node.
+enum class SplitMethod { kQuadratic, kLinear, kRStar };
+constexpr auto choicesOf(SplitMethod) {
+  return mapping_common::choices<SplitMethod>(
+      {{"quadratic", SplitMethod::kQuadratic, "Guttman's, the thesis's choice"},
+       {"linear", SplitMethod::kLinear, "Guttman's, faster"},
+       {"rstar", SplitMethod::kRStar,
+        "the R*-tree's (Beckmann et al. 1990), without its forced re-insertion"}});
+}
 
 struct RTreeOptions {
-  int min_entries = 6;   ///< d, 1 to M / 2: least number of entries of a node that is not the root
-  int max_entries = 16;  ///< M, 2 to 256: greatest number of entries of a node
+  int min_entries = 6, max_entries = 16;  ///< d, M
   SplitMethod split = SplitMethod::kQuadratic;
   float occupied_log_odds = 0.0F;  ///< cells from here up count as occupied: see visitOccupied
   bool store_reflectivity =
       false;  ///< otherwise the cells' reflectivity is dropped, which saves 8 bytes a cell
 
-  /// @throws std::invalid_argument that names the parameter, its value and the allowed range
-  void validate() const;
+  void describe(mapping_common::OptionList& o) {
+    o("min_entries", min_entries, "", "d: least number of entries of a node that isn't the root, up to M / 2")
+        .within(1, 128);
+    o("max_entries", max_entries, "", "M: greatest number of entries of a node").within(2, 256);
+    o("split", split, "", "of a full node");
+    o.require(min_entries <= max_entries / 2, "min_entries", "1 to half of max_entries");
+  }
 };
 
 class RTree {
  public:
-  /// @throws std::invalid_argument as RTreeOptions::validate
+  /// @throws std::invalid_argument where the options won't do
   explicit RTree(const RTreeOptions& options = {});
   RTree(RTree&&) noexcept;
   RTree& operator=(RTree&&) noexcept;

@@ -9,7 +9,6 @@
 #include <rtree_occupancy_map/BoundingBoxQuery.h>
 #include <rtree_occupancy_map/CastRay.h>
 #include <rtree_occupancy_map/CellsInBox.h>
-#include <rtree_occupancy_map/MappingConfig.h>
 #include <std_srvs/Empty.h>
 #include <tf2_eigen/tf2_eigen.h>
 #include <tf2_ros/transform_listener.h>
@@ -37,8 +36,6 @@ enum Reason { kNoTransform, kMalformed, kEmpty, kTimeJump };
 
 // Stamps of one topic may be out of order by this much before time is said to have jumped back.
 const ros::Duration kOutOfOrder(1.0);
-
-constexpr std::uint32_t kDisplayLevel = 1;  // see Mapping.cfg
 
 // One input topic.
 template <class Message>
@@ -72,7 +69,7 @@ class MappingNodelet : public mapping_common::Nodelet {
  private:
   void start(mapping_common::Parameters& reader) override;
   template <class Message>
-  void listen(Input<Message>& input, const std::string& topic, const MappingParameters& parameters);
+  void listen(Input<Message>& input, const std::string& topic);
 
   template <class Message>
   void arrived(Input<Message>& input, const boost::shared_ptr<const Message>& message);
@@ -90,7 +87,7 @@ class MappingNodelet : public mapping_common::Nodelet {
   bool isBox(const geometry_msgs::Point& min, const geometry_msgs::Point& max) const;
 
   std::string load(const std::string& path);
-  void reconfigure(const MappingConfig& config, std::uint32_t level);
+  void reconfigure(const MappingParameters& changed);
   void publish();
   void report() override;
   void diagnoseInput(StatusWrapper& status);
@@ -98,8 +95,8 @@ class MappingNodelet : public mapping_common::Nodelet {
 
   OccupancyMap map_;
   std::unique_ptr<MapPublisher> publisher_;
-  ScanLimits scan_limits_;
-  std::string frame_id_, save_on_shutdown_;
+  MappingParameters parameters_;
+  std::string save_on_shutdown_;  // empty until the nodelet has started
 
   tf2_ros::Buffer tf_buffer_;
   Input<sensor_msgs::PointCloud2> clouds_;
@@ -108,7 +105,6 @@ class MappingNodelet : public mapping_common::Nodelet {
 
   std::vector<ros::ServiceServer> services_;
   ros::WallTimer publish_timer_;
-  MappingConfig config_;
 
   Activity activity_;
   mapping_common::DropCounts drops_{{"no transform", "malformed", "empty", "time jump"}};
@@ -129,32 +125,19 @@ MappingNodelet::~MappingNodelet() {
 void MappingNodelet::start(mapping_common::Parameters& reader) {
   ros::NodeHandle& node = getNodeHandle();
   ros::NodeHandle& private_node = getPrivateNodeHandle();
-  const MappingParameters parameters = readMappingParameters(reader);
-  rejectUnknown(reader);
-
-  frame_id_ = parameters.display.frame_id;
-  scan_limits_ = parameters.scan;
-  config_.min_range = parameters.map.min_range;
-  config_.max_range = std::isinf(parameters.map.max_range) ? -1.0 : parameters.map.max_range;
-  config_.publish_rate = parameters.publish_rate;
-  config_.color_mode = parameters.color_mode;
-  config_.color_min = parameters.display.color.min;
-  config_.color_max = parameters.display.color.max;
-  config_.occupancy_min_z = parameters.display.occupancy_min_z;
-  config_.occupancy_max_z = parameters.display.occupancy_max_z;
-
-  map_ = OccupancyMap(parameters.map);
-  if (!parameters.map_file.empty()) NODELET_INFO_STREAM(load(parameters.map_file));
-  publisher_ = std::make_unique<MapPublisher>(node, parameters.display, map_);
+  reader.read(parameters_);
+  map_ = OccupancyMap(parameters_.map);
+  if (!parameters_.map_file.empty()) NODELET_INFO_STREAM(load(parameters_.map_file));
+  publisher_ = std::make_unique<MapPublisher>(node, parameters_.display, map_);
   // Wall time: what a bag brought is shown and reported while it is paused, too.
-  publish_timer_ = node.createWallTimer(ros::WallDuration(1.0 / parameters.publish_rate),
+  publish_timer_ = node.createWallTimer(ros::WallDuration(1.0 / parameters_.publish_rate),
                                         [this](const ros::WallTimerEvent&) { publish(); });
-  allowReconfiguration<MappingConfig>(
-      config_, [this](const MappingConfig& config, std::uint32_t level) { reconfigure(config, level); });
+  allowReconfiguration<MappingParameters>(parameters_,
+                                          [this](const MappingParameters& changed) { reconfigure(changed); });
 
   tf_listener_ = std::make_unique<tf2_ros::TransformListener>(tf_buffer_, node, false);
-  listen(clouds_, "cloud_in", parameters);
-  listen(scans_, "scan", parameters);
+  listen(clouds_, "cloud_in");
+  listen(scans_, "scan");
   services_ = {private_node.advertiseService("save_map", &MappingNodelet::saveMap, this),
                private_node.advertiseService("load_map", &MappingNodelet::loadMap, this),
                private_node.advertiseService("reset", &MappingNodelet::reset, this),
@@ -164,24 +147,23 @@ void MappingNodelet::start(mapping_common::Parameters& reader) {
 
   startDiagnostics("none", {{"Input", [this](StatusWrapper& status) { diagnoseInput(status); }},
                             {"Map", [this](StatusWrapper& status) { diagnoseMap(status); }}});
-  save_on_shutdown_ = parameters.save_on_shutdown;
+  save_on_shutdown_ = parameters_.save_on_shutdown;
 }
 
 // --------------------------------------------------------------------------------------------------------
 // input
 
 template <class Message>
-void MappingNodelet::listen(Input<Message>& input, const std::string& topic,
-                            const MappingParameters& parameters) {
+void MappingNodelet::listen(Input<Message>& input, const std::string& topic) {
   input.queue = std::make_unique<mapping_common::TransformQueue<Message>>(
-      tf_buffer_, std::vector<std::string>{frame_id_}, parameters.queue_size, parameters.transform_tolerance,
-      getNodeHandle(), [this](const Message& message) { insert(message); },
+      tf_buffer_, std::vector<std::string>{parameters_.display.frame_id}, parameters_.queue_size,
+      parameters_.transform_tolerance, getNodeHandle(), [this](const Message& message) { insert(message); },
       [this](const Message& message, const std::string& why) {
         drop(message.header.frame_id.empty() ? kMalformed : kNoTransform, why);
       });
   using Pointer = boost::shared_ptr<const Message>;
   input.subscriber = getNodeHandle().subscribe<Message>(
-      topic, parameters.queue_size, [this, &input](const Pointer& message) { arrived(input, message); });
+      topic, parameters_.queue_size, [this, &input](const Pointer& message) { arrived(input, message); });
 }
 
 template <class Message>
@@ -213,8 +195,9 @@ template <class Message>
 void MappingNodelet::insert(const Message& message) {
   const std_msgs::Header& header = message.header;
   try {
-    const auto transform = tf_buffer_.lookupTransform(frame_id_, header.frame_id, header.stamp);
-    const ConvertedScan converted = toScan(message, tf2::transformToEigen(transform), scan_limits_);
+    const auto transform =
+        tf_buffer_.lookupTransform(parameters_.display.frame_id, header.frame_id, header.stamp);
+    const ConvertedScan converted = toScan(message, tf2::transformToEigen(transform), parameters_.scan);
     const ros::WallTime start = ros::WallTime::now();
     const InsertReport report = map_.insertScan(converted.scan);
     const double time = (ros::WallTime::now() - start).toSec();
@@ -268,7 +251,7 @@ bool MappingNodelet::loadMap(mapping_msgs::LoadMap::Request& request,
 // A map comes with all that it was built with, but for the limits of the range.
 std::string MappingNodelet::load(const std::string& path) {
   OccupancyMap map = OccupancyMap::load(path);
-  map.setRange(config_.min_range, maxRange(config_.max_range));
+  map.setRange(parameters_.map.min_range, parameters_.map.max_range);
   map_ = std::move(map);
   std::ostringstream text;
   text << "Read " << map_.tree().size() << " cells of a map of " << map_.options().resolution << " m from "
@@ -331,16 +314,11 @@ bool MappingNodelet::isBox(const geometry_msgs::Point& min, const geometry_msgs:
 
 // --------------------------------------------------------------------------------------------- while it runs
 
-void MappingNodelet::reconfigure(const MappingConfig& config, std::uint32_t level) {
-  DisplayOptions display = publisher_->options();
-  display.color = {parseColorMode(config.color_mode), config.color_min, config.color_max};
-  display.occupancy_min_z = config.occupancy_min_z;
-  display.occupancy_max_z = config.occupancy_max_z;
-  display.validate();
-  map_.setRange(config.min_range, maxRange(config.max_range));
-  if ((level & kDisplayLevel) != 0) publisher_->setOptions(display);
-  publish_timer_.setPeriod(ros::WallDuration(1.0 / config.publish_rate));
-  config_ = config;
+void MappingNodelet::reconfigure(const MappingParameters& changed) {
+  map_.setRange(changed.map.min_range, changed.map.max_range);
+  publisher_->setOptions(changed.display);
+  publish_timer_.setPeriod(ros::WallDuration(1.0 / changed.publish_rate));
+  parameters_ = changed;
 }
 
 void MappingNodelet::publish() {
@@ -365,7 +343,7 @@ void MappingNodelet::diagnoseInput(StatusWrapper& status) {
     status.summaryf(DiagnosticStatus::WARN, "%zu messages dropped", drops_.recent());
   } else if (activity_.insertions == 0 && waiting > 0) {
     status.summaryf(DiagnosticStatus::WARN, "%zu messages wait for a transform to %s", waiting,
-                    frame_id_.c_str());
+                    parameters_.display.frame_id.c_str());
   } else {
     status.summary(DiagnosticStatus::OK, activity_.insertions > 0 ? "Mapping" : "No input");
   }

@@ -1,22 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "rtree_occupancy_map/ros/map_publisher.h"
 
-#include <sstream>
-#include <stdexcept>
-
 #include "rtree_occupancy_map/ros/cell_conversion.h"
 
 namespace rtree_occupancy_map {
 namespace {
 
 using Subscriber = ros::SingleSubscriberPublisher;
-
-void requireLess(const std::string& low_name, double low, const std::string& high_name, double high) {
-  if (low < high) return;
-  std::ostringstream text;
-  text << high_name << " is " << high << ", allowed is more than " << low_name << ", which is " << low;
-  throw std::invalid_argument(text.str());
-}
 
 std::vector<Cell> occupiedCells(const OccupancyMap& map) {
   std::vector<Cell> cells;
@@ -29,17 +19,11 @@ std::vector<Cell> occupiedCells(const OccupancyMap& map) {
 
 }  // namespace
 
-void DisplayOptions::validate() const {
-  requireLess("color_min", color.min, "color_max", color.max);
-  requireLess("occupancy_min_z", occupancy_min_z, "occupancy_max_z", occupancy_max_z);
-}
-
 MapPublisher::MapPublisher(ros::NodeHandle& node, const DisplayOptions& options, const OccupancyMap& map)
     : map_(map),
-      options_(options),
+      options_(mapping_common::validate(options)),
       occupied_{{}, {options.frame_id, MarkerCache::Show::kOccupied}},
       free_{{}, {options.frame_id, MarkerCache::Show::kFree}} {
-  options.validate();
   advertiseMarkers(node, "occupied_cells_vis_array", occupied_);
   if (options.publish_free_space) advertiseMarkers(node, "free_cells_vis_array", free_);
 
@@ -72,8 +56,8 @@ void MapPublisher::advertiseMarkers(ros::NodeHandle& node, const std::string& to
 }
 
 void MapPublisher::setOptions(const DisplayOptions& options) {
-  options.validate();
-  options_ = options;
+  if (mapping_common::same(options, options_)) return;
+  options_ = mapping_common::validate(options);
   restart();
 }
 

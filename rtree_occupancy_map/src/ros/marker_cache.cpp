@@ -46,13 +46,6 @@ std::size_t hashOf(const std::vector<T>& values) {
 
 }  // namespace
 
-ColorMode parseColorMode(const std::string& name) {
-  if (name == "height") return ColorMode::kHeight;
-  if (name == "occupancy") return ColorMode::kOccupancy;
-  if (name == "reflectivity") return ColorMode::kReflectivity;
-  throw std::invalid_argument("color_mode is '" + name + "', allowed is height | occupancy | reflectivity");
-}
-
 MarkerCache::MarkerCache(const std::string& frame_id, Show show) : show_(show) {
   marker_.header.frame_id = frame_id;  // stamp 0, the latest transform: a map isn't of one moment
   marker_.ns = show == Show::kOccupied ? "occupied" : "free";

@@ -17,14 +17,31 @@ namespace rtree_occupancy_map {
 struct DisplayOptions {
   std::string frame_id = "map";
   ColorScale color;
-  double occupancy_min_z = -std::numeric_limits<double>::infinity();  ///< m, limits of the projected map
+  double occupancy_min_z = -std::numeric_limits<double>::infinity();
   double occupancy_max_z = std::numeric_limits<double>::infinity();
-  double full_map_period = 10.0;    ///< s, a map that changed is sent as a whole this often at most
-  bool publish_free_space = false;  ///< free cells as markers
-  bool latch = true;                ///< a new subscriber gets the whole map at once
+  double full_map_period = 10.0;
+  bool publish_free_space = false;
+  bool latch = true;
 
-  /// @throws std::invalid_argument that names the parameter, its value and the allowed range
-  void validate() const;
+  void describe(mapping_common::OptionList& o) {
+    o("frame_id", frame_id, "", "fixed frame that the map is built in").notEmpty();
+    o("full_map_period", full_map_period, "s",
+      "a map that changed is sent as a whole this often at most: occupied_cells_centers and projected_map, "
+      "for those "
+      "who don't listen to their updates")
+        .atLeast(0.0);
+    o("latch", latch, "",
+      "true: a new subscriber gets the whole map at once; false: what changes from then on");
+    o("publish_free_space", publish_free_space, "", "true: free cells as markers, too");
+    o("color_mode", color.mode, "", "what the colours of markers stand for").dynamic();
+    o("color_min", color.min, "", "height (m) or reflectivity at the lower end of the colour scale")
+        .dynamic();
+    o("color_max", color.max, "", "the same at its upper end").dynamic();
+    o("occupancy_min_z", occupancy_min_z, "m", "the projected map shows what is above").dynamic();
+    o("occupancy_max_z", occupancy_max_z, "m", "and below").dynamic();
+    o.require(color.max > color.min, "color_max", "more than color_min");
+    o.require(occupancy_max_z > occupancy_min_z, "occupancy_max_z", "more than occupancy_min_z");
+  }
 };
 
 /// Publishes a map: markers, cells, projection. A new subscriber gets everything once, later messages hold
@@ -41,7 +58,8 @@ class MapPublisher {
   void publish();
   /// Sends everything to everyone: the map is another one, or looks different.
   void restart();
-  /// Frame and topics stay as they are. @throws std::invalid_argument as DisplayOptions::validate
+  /// Frame and topics stay as they are; where others differ all is sent anew.
+  /// @throws std::invalid_argument that names the option, its value and what is allowed
   void setOptions(const DisplayOptions& options);
   const DisplayOptions& options() const { return options_; }
 

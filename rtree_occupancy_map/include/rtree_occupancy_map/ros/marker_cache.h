@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <mapping_common/options.h>
 #include <rtree_occupancy_map/occupancy_map.h>
 #include <visualization_msgs/MarkerArray.h>
 
@@ -15,10 +16,11 @@
 namespace rtree_occupancy_map {
 
 enum class ColorMode { kHeight, kOccupancy, kReflectivity };
-
-/// From height | occupancy | reflectivity. @throws std::invalid_argument that names the value and what is
-/// allowed
-ColorMode parseColorMode(const std::string& name);
+constexpr auto choicesOf(ColorMode) {
+  return mapping_common::choices<ColorMode>({{"height", ColorMode::kHeight, "of the cell's centre"},
+                                             {"occupancy", ColorMode::kOccupancy, "the probability"},
+                                             {"reflectivity", ColorMode::kReflectivity, "the mean"}});
+}
 
 /// What the colours of cells stand for. Height and occupancy run from blue to red, reflectivity from black to
 /// white.

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <mapping_common/parameters.h>
 #include <rtree_occupancy_map/options.h>
 #include <rtree_occupancy_map/ros/map_publisher.h>
 #include <rtree_occupancy_map/ros/scan_conversion.h>
@@ -10,23 +9,38 @@
 
 namespace rtree_occupancy_map {
 
-/// What the mapping nodelet is started with; config/mapping.yaml explains each.
+/// What the mapping nodelet is started with.
 struct MappingParameters {
   Options map;
   ScanLimits scan;
   DisplayOptions display;
-  std::string color_mode = "height";
-  std::string map_file;
-  std::string save_on_shutdown;
+  std::string map_file, save_on_shutdown;
   int queue_size = 10;
-  double transform_tolerance = 0.0;  ///< s
-  double publish_rate = 2.0;         ///< Hz
+  double transform_tolerance = 0.0;
+  double publish_rate = 2.0;
+
+  void describe(mapping_common::OptionList& o) {
+    o.section("the map");
+    o("map_file", map_file, "",
+      "path of a map to load at the start; its resolution, sensor model and fusion then replace those below. "
+      "Empty: "
+      "start with an empty map");
+    o("save_on_shutdown", save_on_shutdown, "",
+      "path that the map is written to at the end, unless it is empty. Empty: don't");
+    map.describe(o);
+    o.section("the input");
+    o("queue_size", queue_size, "", "messages of each topic that wait for a transform; the oldest is dropped")
+        .within(1, 10000);
+    o("transform_tolerance", transform_tolerance, "s",
+      "a message waits until transforms this much later than its stamp are known")
+        .within(0.0, 10.0);
+    scan.describe(o);
+    o.section("the output");
+    o("publish_rate", publish_rate, "Hz", "what changed is published this often at most")
+        .within(0.1, 100.0)
+        .dynamic();
+    display.describe(o);
+  }
 };
-
-/// @throws std::invalid_argument that names the parameter, its value and the allowed range
-MappingParameters readMappingParameters(mapping_common::Parameters& parameters);
-
-/// -1, as in octomap_server, stands for no limit: infinity.
-double maxRange(double parameter);
 
 }  // namespace rtree_occupancy_map

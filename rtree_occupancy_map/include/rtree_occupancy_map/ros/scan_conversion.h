@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <mapping_common/options.h>
 #include <rtree_occupancy_map/occupancy_map.h>
 #include <sensor_msgs/LaserScan.h>
 #include <sensor_msgs/PointCloud2.h>
@@ -13,10 +14,18 @@ namespace rtree_occupancy_map {
 
 /// Which measurements become part of a Scan.
 struct ScanLimits {
-  /// m, map frame. Returns outside are left out as a whole: their beams don't clear either.
   double min_z = -std::numeric_limits<double>::infinity();
   double max_z = std::numeric_limits<double>::infinity();
-  bool no_return_clears = true;  ///< a laser beam without a return clears up to the sensor's range_max
+  bool no_return_clears = true;
+
+  void describe(mapping_common::OptionList& o) {
+    o("pointcloud_min_z", min_z, "m",
+      "map frame: returns below are left out as a whole, their beams don't clear either");
+    o("pointcloud_max_z", max_z, "m", "the same above");
+    o("no_return_clears", no_return_clears, "",
+      "laser scans: a beam without a return (inf) clears up to the sensor's range_max");
+    o.require(min_z <= max_z, "pointcloud_max_z", "pointcloud_min_z or more");
+  }
 };
 
 struct ConvertedScan {
