@@ -85,10 +85,8 @@ void ArchiveWriter::operator()(const std::string& text) {
 void ArchiveWriter::operator()(const OptionList& options) {
   (*this)(static_cast<std::uint32_t>(options.size()));
   for (const auto& [option, section] : options) {
-    const OptionValue value = option.get();
-    const auto* text = std::get_if<std::string>(&value);
     (*this)(option.name());
-    (*this)(text != nullptr ? *text : toText(value));
+    (*this)(option.word());
   }
 }
 

@@ -35,17 +35,6 @@ std::string toYamlValue(const OptionValue& value) {
   return yaml;
 }
 
-std::string meaning(const Option& option) {
-  std::string text = option.text();
-  std::string separator = text.empty() ? "" : ". ";
-  for (const auto& [name, what] : option.choices()) {
-    if (what.empty()) continue;
-    text += separator + name + ": " + what;
-    separator = "; ";
-  }
-  return text;
-}
-
 // Text in lines of comments that begin at a column, after what is there already.
 std::string withComment(std::string line, const std::string& text) {
   if (text.empty()) return line + '\n';
@@ -131,11 +120,8 @@ std::string toYaml(const OptionList& options, const std::string& title) {
                           text == options.groups().end() ? "" : text->second);
     }
     group.resize(path.size());
-    const std::string allowed = option.allowed().empty() ? option.unit() : option.allowed(),
-                      text = meaning(option);
     yaml += withComment(std::string(2 * path.size(), ' ') + key + ": " + toYamlValue(option.get()),
-                        (option.isDynamic() ? "(dynamic) " : "") + allowed +
-                            (allowed.empty() || text.empty() ? "" : ": ") + text);
+                        (option.isDynamic() ? "(dynamic) " : "") + option.help());
   }
   return yaml;
 }
@@ -151,11 +137,10 @@ std::string toMarkdown(const OptionList& options) {
     if (title != section) {
       section = title;
       if (!title.empty()) table += (table.empty() ? "### " : "\n### ") + title + "\n\n";
-      table += "| Parameter | Default | Allowed | Meaning |\n| --- | --- | --- | --- |\n";
+      table += "| Parameter | Default | |\n| --- | --- | --- |\n";
     }
-    const std::string allowed = option.allowed().empty() ? option.unit() : option.allowed();
-    table += "| `" + option.name() + "` | " + cell('`' + toYamlValue(option.get()) + '`') + cell(allowed) +
-             cell((option.isDynamic() ? "(dynamic) " : "") + meaning(option));
+    table += "| `" + option.name() + "` | " + cell('`' + toYamlValue(option.get()) + '`') +
+             cell((option.isDynamic() ? "(dynamic) " : "") + option.help());
     table.back() = '\n';
   }
   return table;

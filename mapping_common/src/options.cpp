@@ -77,6 +77,35 @@ std::string Option::allowed() const {
   return unlimited_ ? text + ", or -1: no limit" : text;
 }
 
+std::string Option::meaning() const {
+  std::string text = text_, separator = text.empty() ? "" : ". ";
+  for (const auto& [name, what] : choices_) {
+    if (what.empty()) continue;
+    text += separator + name + ": " + what;
+    separator = "; ";
+  }
+  return text;
+}
+
+std::string Option::help() const {
+  bool told = !choices_.empty();  // by the meaning
+  for (const auto& [name, what] : choices_) told = told && !what.empty();
+  const std::string may_be = told ? "" : allowed().empty() ? unit_ : allowed(), text = meaning();
+  return may_be + (may_be.empty() || text.empty() ? "" : ": ") + text;
+}
+
+Option Option::named(const std::string& name) const {
+  Option copy = *this;
+  copy.name_ = name;
+  return copy;
+}
+
+std::string Option::word() const {
+  const OptionValue value = get();
+  const auto* text = std::get_if<std::string>(&value);
+  return text != nullptr ? *text : toText(value);
+}
+
 OptionValue Option::get() const {
   const OptionValue value = get_();
   return unlimited_ && value == OptionValue(std::numeric_limits<double>::infinity()) ? OptionValue(-1.0)

@@ -463,7 +463,7 @@ TEST_F(Tool, RefusesWrongUsage) {
   expect(scans + " --resolution 0", "resolution");
   expect(scans + " --max-entries 1", "max_entries");
   expect(scans + " --max-entries 16 --min-entries 9", "min_entries");
-  expect(scans + " --max-range -3", "max_range");
+  expect(scans + " --max-range -3", "--max-range is -3");
 }
 
 TEST_F(Tool, SaysWhichFileIsMissing) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
 // OctoMap and the R-tree occupancy map side by side, on a folder of scans or a bag.
+#include <mapping_common/tool.h>
 #include <rosbag_tests/bag_scans.h>
 #include <rosbag_tests/octomap_comparison.h>
 #include <rosbag_tests/scan_files.h>
@@ -15,6 +16,7 @@
 #include <vector>
 
 namespace po = boost::program_options;
+using mapping_common::addOption;
 using rtree_occupancy_map::Options;
 
 namespace {
@@ -36,7 +38,6 @@ struct Arguments {
 /// False if help was asked for and printed. Throws po::error or std::invalid_argument for wrong usage.
 bool parse(int argc, char** argv, Arguments& a) {
   Options o;
-  std::string model = "beam", strategy = "block", split = "quadratic";
   std::vector<std::string> fusion = {"equal"};
   std::vector<int> max_entries = {o.tree.max_entries};
   int min_entries = 0;
@@ -51,18 +52,17 @@ bool parse(int argc, char** argv, Arguments& a) {
   add("fixed-frame", po::value(&a.bag_options.fixed_frame)->default_value(a.bag_options.fixed_frame),
       "map frame of its tf");
   add("pose-topic", po::value(&a.bag_options.pose_topic), "poses from this topic in place of tf");
-  add("resolution", po::value(&o.resolution)->default_value(o.resolution), "edge of a voxel, m");
-  add("model", po::value(&model)->default_value(model), "beam | endpoint");
+  addOption(all, "resolution", o, "resolution");
+  addOption(all, "model", o, "sensor_model/type");
   add("fusion", po::value(&fusion)->multitoken()->default_value(fusion, "equal"),
       "thesis | equal; several are compared in one run");
-  add("strategy", po::value(&strategy)->default_value(strategy), "block | expansion | none");
-  add("search-order", po::value(&o.search_order)->default_value(o.search_order),
-      "axes along which cells grow");
+  addOption(all, "strategy", o, "fusion/strategy");
+  addOption(all, "search-order", o, "fusion/search_order");
   add("max-entries", po::value(&max_entries)->multitoken()->default_value(max_entries, "16"),
       "M; several are compared in one run");
   add("min-entries", po::value(&min_entries), "d; by default 0.4 M");
-  add("split", po::value(&split)->default_value(split), "quadratic | linear | rstar");
-  add("max-range", po::value(&o.max_range), "m; by default no limit");
+  addOption(all, "split", o, "tree/split");
+  addOption(all, "max-range", o, "sensor_model/max_range");
   add("first", po::value(&a.first)->default_value(a.first), "index of the first scan, from 0");
   add("last", po::value(&a.last), "index of the last scan; by default the last there is");
   add("step", po::value(&a.step)->default_value(a.step), "take each N-th scan");
@@ -80,16 +80,13 @@ bool parse(int argc, char** argv, Arguments& a) {
   if (a.scans.empty() == a.bag.empty()) throw po::error("either --scans or --bag is needed");
   if (a.step < 1) throw po::error("--step must be at least 1");
   if (a.first < 0 || a.last < a.first) throw po::error("--first must be at least 0, --last at least --first");
-  o.sensor_model = rtree_occupancy_map::parseSensorModel(model);
-  o.fusion_strategy = rtree_occupancy_map::parseFusionStrategy(strategy);
-  o.tree.split = rtree_occupancy_map::parseSplitMethod(split);
+  mapping_common::OptionList options = mapping_common::optionsOf(o);
   for (const std::string& rule : fusion) {
     for (const int m : max_entries) {
-      o.fusion_rule = rtree_occupancy_map::parseFusionRule(rule);
+      options.find("fusion/rule")->set(rule);
       o.tree.max_entries = m;
       o.tree.min_entries = values.count("min-entries") ? min_entries : std::max(1, 2 * m / 5);
-      o.validate();
-      a.options.push_back(o);
+      a.options.push_back(mapping_common::validate(o));
     }
   }
   return true;

@@ -87,8 +87,17 @@ class Option {
   /// e.g. "0 to 1 m", "above 0", "none | huber"; "" where all of the type are.
   std::string allowed() const;
 
+  /// What it does, with what its values do.
+  std::string meaning() const;
+  /// In one line: unit or what is allowed, meaning.
+  std::string help() const;
+  /// The same under another name.
+  Option named(const std::string& name) const;
+
   /// As users write it.
   OptionValue get() const;
+  /// The same as a word, see parse.
+  std::string word() const;
   /// An integer will do for a number, and for a string, as roslaunch takes what looks like one for it.
   /// @throws std::invalid_argument that names the option, the value and what is expected
   void set(const OptionValue& value);

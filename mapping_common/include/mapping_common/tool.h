@@ -1,12 +1,33 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <boost/program_options/errors.hpp>
+#include <mapping_common/options.h>
+
+#include <boost/program_options.hpp>
 #include <exception>
 #include <iostream>
 #include <string>
 
 namespace mapping_common {
+
+/// Adds the argument --flag that sets an option of a struct, with its default, what it may be and what it is
+/// for.
+/// @param name of the option
+template <class Options>
+void addOption(boost::program_options::options_description& arguments, const std::string& flag,
+               Options& options, const std::string& name) {
+  namespace po = boost::program_options;
+  OptionList list = optionsOf(options);
+  const Option option = list.find(name)->named("--" + flag);
+  arguments.add_options()(
+      flag.c_str(),
+      po::value<std::string>()->default_value(option.word())->notifier([option](const std::string& word) {
+        Option changed = option;
+        changed.parse(word);
+        changed.check();
+      }),
+      option.help().c_str());
+}
 
 /// The main function of a command-line tool.
 /// @param parse fills the arguments; false where help was asked for and printed; throws
