@@ -11,9 +11,10 @@
 #include <string_view>
 #include <vector>
 
-#include "hokuyo_sick_drivers/device_clock.h"
+#include "hokuyo_sick_drivers/counter_unwrapper.h"
 #include "hokuyo_sick_drivers/hokuyo_scan.h"
 #include "hokuyo_sick_drivers/protocol.h"
+#include "hokuyo_sick_drivers/scan_clock.h"
 #include "hokuyo_sick_drivers/scip.h"
 
 namespace hokuyo_sick_drivers {

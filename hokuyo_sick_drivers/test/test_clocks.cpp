@@ -3,10 +3,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <deque>
 #include <random>
 #include <string>
 
+#include "hokuyo_sick_drivers/clock_line.h"
+#include "hokuyo_sick_drivers/counter_unwrapper.h"
 #include "hokuyo_sick_drivers/device_clock.h"
+#include "hokuyo_sick_drivers/scan_clock.h"
 
 namespace hokuyo_sick_drivers {
 namespace {
@@ -18,6 +22,30 @@ TEST(CounterUnwrapperTest, goesOnWhereTheCounterStartsAnew) {
   EXPECT_EQ(counter.unwrap(9), 16777225);
   EXPECT_EQ(counter.unwrap(8), 16777224);
   EXPECT_EQ(counter.unwrap(8000000), 24777216);
+}
+
+TEST(ClockLineTest, isThatOfTheFastestMessages) {
+  std::deque<ClockOffset> points;
+  for (int i = 0; i < 100; ++i)  // every seventh message has no jitter
+    points.push_back({i * kSecond, 5000 + i * 100 + (i % 7 == 0 ? 0 : 1'000'000 + 777 * i)});
+  const ClockLine line = lineBelow(points, -1e-3, 1e-3);
+  EXPECT_NEAR(line.drift, 1e-7, 1e-12);
+  EXPECT_EQ(line.offsetAt(50 * kSecond), 10000);
+  // The drift may not be so great: the line turns about the point in the middle of what is allowed.
+  EXPECT_EQ(lineBelow(points, 0.0, 0.0).offsetAt(0), 5000);
+}
+
+TEST(LineSetTest, holdsTheLinesThatPassCloseByAllPoints) {
+  const std::deque<ClockOffset> points = {{0, 0}, {1000, 100}, {2000, 200}};
+  const LineSet lines(points, 10, 30, 1.0, 0);
+  EXPECT_NEAR(lines.offsetsAt(0).least, -10.0, 1e-6);
+  EXPECT_NEAR(lines.offsetsAt(0).greatest, 30.0, 1e-6);
+  EXPECT_NEAR(lines.drifts().least, 0.08, 1e-9);     // from 30 above the first to 10 below the last
+  EXPECT_NEAR(lines.drifts().greatest, 0.12, 1e-9);  // and the other way round
+  EXPECT_NEAR(lines.offsetsAt(1000).middle(), 110.0, 1e-6);
+  // No line passes within 1 of these: the bounds become wider until one does.
+  const LineSet none({{0, 0}, {1000, 100}, {2000, 0}}, 0, 0, 1.0, 1);
+  EXPECT_GE(none.offsetsAt(1000).greatest, 50.0 - 1e-6);
 }
 
 // A scanner's motor, quartz and line, whose messages and answers take up to 5 ms longer than need be, each
