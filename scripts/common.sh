@@ -7,6 +7,8 @@ workspace=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 cd "$workspace"
 export PATH=/usr/sbin:/usr/bin:/sbin:/bin  # Debian's python3, which has the ROS modules, before any other
 export LC_ALL=C.UTF-8 DEBIAN_FRONTEND=noninteractive
+# Compilers at a time: each needs up to a gigabyte.
+jobs=$(awk -v cores="$(nproc)" '/^MemAvailable/ {n = int($2 / 1e6); print n < 1 ? 1 : n < cores ? n : cores}' /proc/meminfo)
 
 # To build and run the drivers, and what else one types on a robot: rostopic echo needs the messages' Python modules.
 packages_drivers=(
@@ -35,6 +37,8 @@ say() { printf '\n== %s\n' "$*" >&2; }
 # took START: how long it took since $SECONDS was START
 took() { printf '   took %d:%02d min\n' $(((SECONDS - $1) / 60)) $(((SECONDS - $1) % 60)) >&2; }
 
+free_port() { python3 -c 'import socket; s = socket.socket(); s.bind(("", 0)); print(s.getsockname()[1])'; }
+
 # follow LOG: copies what make or apt-get says to LOG and shows how far it is, on one changing line of a terminal, else at
 # each tenth.
 follow() {
@@ -57,9 +61,10 @@ follow() {
   [ ! -t 2 ] || printf '\r\033[K' >&2
 }
 
-# install_missing PACKAGE...
+# install_missing PACKAGE...: before anything is built
 install_missing() {
   local missing=() package sudo=() start=$SECONDS
+  link_packages
   for package in "$@"; do
     dpkg-query -W -f '${Status}' "$package" 2>/dev/null | grep -q 'ok installed' || missing+=("$package")
   done
@@ -70,7 +75,7 @@ install_missing() {
     exit 1
   fi
   [ "$(id -u)" = 0 ] || sudo=(sudo)
-  say "Installing ${missing[*]}"
+  say "Installing ${#missing[@]} packages and what they need: compiler, ROS, libraries; some minutes the first time"
   if ! "${sudo[@]}" apt-get update -qq >install.log 2>&1; then
     cat install.log >&2
     exit 1
@@ -78,7 +83,7 @@ install_missing() {
   LC_ALL=C apt-get install --assume-no --no-install-recommends "${missing[@]}" 2>/dev/null |
     sed -nE 's/^Need to get (.*) of archives.*/   \1 to download/p; s/^After this operation, (.*) of add.*/   \1 on the disk/p' >&2 || true
   # shellcheck disable=SC2016
-  "${sudo[@]}" sh -c 'exec apt-get install -y --no-install-recommends -o APT::Status-Fd=3 "$@" 3>&1 >>install.log 2>&1' sh \
+  "${sudo[@]}" sh -c 'exec apt-get install -y --no-install-recommends -o APT::Status-Fd=3 -o DPkg::Lock::Timeout=300 "$@" 3>&1 >>install.log 2>&1' sh \
     "${missing[@]}" | follow /dev/null ||
     { grep -E -B2 '^(E|W|Err|dpkg):? ' install.log | head -40 >&2; echo "Installing failed: see install.log" >&2; exit 1; }
   took "$start"
@@ -106,16 +111,14 @@ link_packages() {
 
 # build [--only PACKAGE] [TARGET...]: --only leaves out what PACKAGE doesn't depend on, and tests
 build() {
-  local start=$SECONDS what="all packages" options=(-DCATKIN_WHITELIST_PACKAGES= -DCATKIN_ENABLE_TESTING=ON)
+  local start=$SECONDS what="all packages" minutes=20 options=(-DCATKIN_WHITELIST_PACKAGES= -DCATKIN_ENABLE_TESTING=ON)
   if [ "${1:-}" = --only ]; then
-    what=$2 options=(--only-pkg-with-deps "$2" -DCATKIN_ENABLE_TESTING=OFF)
+    what=$2 minutes=4 options=(--only-pkg-with-deps "$2" -DCATKIN_ENABLE_TESTING=OFF)
     shift 2
   fi
-  link_packages
   if command -v ccache >/dev/null; then options+=(-DCMAKE_CXX_COMPILER_LAUNCHER=ccache); fi
-  local jobs  # a compiler needs up to a gigabyte
-  jobs=$(awk -v cores="$(nproc)" '/^MemAvailable/ {n = int($2 / 1e6); print n < 1 ? 1 : n < cores ? n : cores}' /proc/meminfo)
-  say "Building $what with $jobs compilers at a time"
+  [[ " $* " != *' tests '* ]] || { what+=" and their tests" minutes=40; }
+  say "Building $what, $jobs files at a time: about $((minutes / jobs + 1)) minutes the first time"
   catkin_make "$@" -j"$jobs" -DPYTHON_EXECUTABLE=/usr/bin/python3 -DCMAKE_BUILD_TYPE=Release -DCMAKE_CXX_FLAGS=-Werror \
     "${options[@]}" 2>&1 | follow build.log ||
     { grep -E -A5 '(error|Error|undefined reference)' build.log | head -40 >&2; echo "The build failed: see build.log" >&2; exit 1; }

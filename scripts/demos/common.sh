@@ -6,14 +6,13 @@ use_workspace
 out=$workspace/out quick=${quick:-} bag=${bag:-} cloud=${cloud:-} frame=${frame:-map}
 
 fail() { echo "demo: $*" >&2; exit 1; }
-free_port() { python3 -c 'import socket; s = socket.socket(); s.bind(("", 0)); print(s.getsockname()[1])'; }
 
 ROS_MASTER_URI=http://localhost:$(free_port)
 export ROS_MASTER_URI ROS_HOSTNAME=localhost
 export PYTHONUNBUFFERED=1  # roslaunch's log is followed
 export LIBGL_ALWAYS_SOFTWARE=1 QT_QPA_PLATFORM=xcb XDG_RUNTIME_DIR=${XDG_RUNTIME_DIR:-/tmp}
 background=()
-trap 'kill "${background[@]}" 2>/dev/null; wait 2>/dev/null' EXIT
+trap 'kill "${background[@]}" 2>/dev/null || true; wait || true' EXIT
 
 # launch FILE ARGUMENTS...: roslaunch in the background, its log in $log. Sets $launched.
 launch() {
@@ -30,6 +29,7 @@ until_logged() { until logged "$1" || ! kill -0 "$2" 2>/dev/null; do sleep 0.5; 
 # screen: an X server for RViz
 screen() {
   local number=$out/.screen
+  rm -f "$number"
   Xvfb -displayfd 1 -screen 0 1200x800x24 -nolisten tcp >"$number" 2>/dev/null &
   background+=("$!")
   until [ -s "$number" ]; do kill -0 "$!" 2>/dev/null || fail "Xvfb doesn't start"; sleep 0.2; done
