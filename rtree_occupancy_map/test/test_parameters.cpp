@@ -28,7 +28,7 @@ TEST(Parameters, AreSoundAndDocumented) {
   mapping_common::expectSound<MappingParameters>();
   mapping_common::expectDocumented<MappingParameters>("rtree_occupancy_map/MappingNodelet",
                                                       PACKAGE_DIR "/config/mapping.yaml",
-                                                      PACKAGE_DIR "/doc/parameters.md");
+                                                      PACKAGE_DIR "/docs/parameters.md");
 }
 
 TEST(Parameters, ReachTheirOptions) {
