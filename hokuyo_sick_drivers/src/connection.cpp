@@ -14,8 +14,9 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <chrono>
 #include <cstring>
-#include <memory>
+#include <future>
 #include <stdexcept>
 #include <utility>
 
@@ -23,22 +24,10 @@ namespace hokuyo_sick_drivers {
 namespace {
 
 constexpr std::size_t kReadSize = 65536;
+constexpr Nanoseconds kLookUpPoll = 10 * kMillisecond;
 
 [[noreturn]] void fail(const std::string& what, int error) {
   throw std::runtime_error(what + ": " + std::strerror(error));
-}
-
-using Addresses = std::unique_ptr<addrinfo, decltype(&freeaddrinfo)>;
-
-Addresses resolve(const Endpoint& endpoint) {
-  addrinfo hints{};
-  hints.ai_family = AF_UNSPEC;
-  hints.ai_socktype = SOCK_STREAM;
-  addrinfo* found = nullptr;
-  const int error =
-      getaddrinfo(endpoint.host.c_str(), std::to_string(endpoint.tcp_port).c_str(), &hints, &found);
-  if (error != 0) throw std::runtime_error("can't resolve " + endpoint.host + ": " + gai_strerror(error));
-  return {found, &freeaddrinfo};
 }
 
 }  // namespace
@@ -46,6 +35,24 @@ Addresses resolve(const Endpoint& endpoint) {
 struct Connection::Lost : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
+
+std::vector<SocketAddress> lookUp(const Endpoint& endpoint) {
+  addrinfo hints{};
+  hints.ai_family = AF_UNSPEC;
+  hints.ai_socktype = SOCK_STREAM;
+  addrinfo* first = nullptr;
+  const int error =
+      getaddrinfo(endpoint.host.c_str(), std::to_string(endpoint.tcp_port).c_str(), &hints, &first);
+  if (error != 0) throw std::runtime_error("can't resolve " + endpoint.host + ": " + gai_strerror(error));
+  std::vector<SocketAddress> addresses;
+  for (const addrinfo* found = first; found != nullptr; found = found->ai_next) {
+    addresses.emplace_back();
+    addresses.back().size = found->ai_addrlen;
+    std::memcpy(&addresses.back().address, found->ai_addr, found->ai_addrlen);
+  }
+  freeaddrinfo(first);
+  return addresses;
+}
 
 FileDescriptor::~FileDescriptor() {
   if (fd_ >= 0) ::close(fd_);
@@ -85,21 +92,14 @@ void Connection::run() {
   Nanoseconds pause = options_.first_retry;
   while (!stop_) {
     heard_ = false;
+    FileDescriptor port;
     try {
-      const FileDescriptor port = open();
-      output_.clear();
-      events_.connected();
-      protocol_.connected(now());
-      try {
-        serve(port.get());
-        return;
-      } catch (const Lost& lost) {
-        protocol_.disconnected(now());
-        events_.lost(lost.what());
-      }
-    } catch (const std::runtime_error& e) {
+      port = open();
+    } catch (const std::exception& e) {
       if (!stop_) events_.refused(e.what());
     }
+    if (port.get() >= 0 && serveUntilLost(port.get())) return;
+    port = FileDescriptor();
     pause = heard_ ? options_.first_retry : std::min(2 * pause, options_.last_retry);
     const Nanoseconds end = now() + pause;
     while (!stop_ && waitUntil(end)) work();
@@ -108,31 +108,68 @@ void Connection::run() {
 
 FileDescriptor Connection::open() {
   if (endpoint_.host.empty()) return openSerialPort(endpoint_.device, endpoint_.baud_rate);
-  int error = 0;
-  const Addresses addresses = resolve(endpoint_);
-  for (const addrinfo* address = addresses.get(); address != nullptr; address = address->ai_next) {
-    FileDescriptor file(socket(address->ai_family, address->ai_socktype | SOCK_NONBLOCK | SOCK_CLOEXEC,
-                               address->ai_protocol));
-    if (file.get() < 0) fail("can't create a socket", errno);
-    error = connect(file.get(), address->ai_addr, address->ai_addrlen) == 0 ? 0 : errno;
-    if (error == EINPROGRESS) {
-      const Nanoseconds end = now() + options_.connect_timeout;
-      int events = 0;
-      while (events == 0 && !stop_ && now() < end) {
-        events = poll(file.get(), POLLOUT, end);
-        work();
-      }
-      socklen_t size = sizeof(error);
-      error = ETIMEDOUT;
-      if (events != 0) getsockopt(file.get(), SOL_SOCKET, SO_ERROR, &error, &size);
-    }
-    if (error == 0) {
-      const int on = 1;
-      setsockopt(file.get(), IPPROTO_TCP, TCP_NODELAY, &on, sizeof(on));
-      return file;
-    }
+  int error = EADDRNOTAVAIL;
+  for (const SocketAddress& address : addresses()) {
+    FileDescriptor file(socket(address.address.ss_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+    error = file.get() < 0 ? errno : connect(file.get(), address);  // IPv6 may be switched off
+    if (error != 0) continue;
+    const int on = 1;
+    setsockopt(file.get(), IPPROTO_TCP, TCP_NODELAY, &on, sizeof(on));
+    return file;
   }
   fail("can't connect to " + endpoint_.name(), error);
+}
+
+// Nothing can end a look-up, which takes as long as name servers are silent. It has a thread of its own that
+// may outlive this connection.
+std::vector<SocketAddress> Connection::addresses() {
+  std::packaged_task<std::vector<SocketAddress>()> task(
+      [look_up = options_.look_up, endpoint = endpoint_] { return look_up(endpoint); });
+  auto found = task.get_future();
+  std::thread(std::move(task)).detach();
+  while (found.wait_for(std::chrono::seconds(0)) != std::future_status::ready) {
+    if (stop_) throw std::runtime_error("the connection is being closed");
+    waitUntil(now() + kLookUpPoll);
+    work();
+  }
+  return found.get();
+}
+
+// @return 0 or why not
+int Connection::connect(int fd, const SocketAddress& address) {
+  const int error =
+      ::connect(fd, reinterpret_cast<const sockaddr*>(&address.address), address.size) == 0 ? 0 : errno;
+  if (error != EINPROGRESS) return error;
+  const Nanoseconds end = now() + options_.connect_timeout;
+  int events = 0;
+  while (events == 0 && !stop_ && now() < end) {
+    events = poll(fd, POLLOUT, end);
+    work();
+  }
+  int result = ETIMEDOUT;
+  socklen_t size = sizeof(result);
+  if (events != 0) getsockopt(fd, SOL_SOCKET, SO_ERROR, &result, &size);
+  return result;
+}
+
+// @return whether it was stopped, as asked
+bool Connection::serveUntilLost(int fd) {
+  std::string why;
+  output_.clear();
+  events_.connected();
+  try {
+    protocol_.connected(now());
+    serve(fd);
+    return true;
+  } catch (const Lost& lost) {
+    why = lost.what();
+  } catch (const std::exception& e) {
+    events_.failed(e.what());
+    why = "the driver failed";
+  }
+  protocol_.disconnected(now());
+  events_.lost(why);
+  return false;
 }
 
 // Returns once the device is stopped.
@@ -214,7 +251,13 @@ void Connection::work() {
     const std::lock_guard<std::mutex> lock(mutex_);
     work.swap(work_);
   }
-  for (const auto& function : work) function(now());
+  for (const auto& function : work) {
+    try {
+      function(now());
+    } catch (const std::exception& e) {
+      events_.failed(e.what());
+    }
+  }
 }
 
 }  // namespace hokuyo_sick_drivers

@@ -3,7 +3,7 @@
 // The dialogue with the device up to the scans; those are in hokuyo_stream.cpp.
 #include "hokuyo_sick_drivers/hokuyo.h"
 
-#include <algorithm>
+#include <cctype>
 #include <stdexcept>
 #include <utility>
 
@@ -28,6 +28,27 @@ const char* name(HokuyoFault fault) {
   return kNames[static_cast<std::size_t>(fault)];
 }
 
+std::string differences(const HokuyoFaults& before, const HokuyoFaults& now) {
+  std::string text;
+  for (std::size_t i = 0; i < now.size(); ++i) {
+    if (now[i] == before[i]) continue;
+    if (!text.empty()) text += ", ";
+    text += std::to_string(now[i] - before[i]) + ' ' + name(static_cast<HokuyoFault>(i));
+  }
+  return text;
+}
+
+std::string Hokuyo::Status::trouble() const {
+  const auto found = info.find("STAT");
+  if (found == info.end()) return "";
+  std::string words = found->second;
+  for (char& c : words) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  for (const char* good : {"works well", "working normally", "no error"}) {
+    if (words.find(good) != std::string::npos) return "";
+  }
+  return found->second;
+}
+
 Hokuyo::Hokuyo(const Options& options, const HokuyoSettings& settings, Events events)
     : options_(options), events_(std::move(events)), settings_(settings) {
   settings.validate();
@@ -39,12 +60,15 @@ void Hokuyo::configure(const HokuyoSettings& settings, Nanoseconds now) {
   if (settings == settings_) return;
   settings_ = settings;
   refuses_intensity_ = refuses_multi_echo_ = false;
+  stalls_ = 0;
+  warning_.clear();
   if (step_ >= Step::kEnterTime && step_ <= Step::kMeasuring) enter(Step::kStop, now);
 }
 
 void Hokuyo::updateStatus(Nanoseconds now) {
-  info_.erase("STAT");
-  if (step_ == Step::kMeasuring) enter(Step::kStop, now);
+  if (step_ != Step::kMeasuring || state_deadline_ != kNever) return;  // else it is asked, or soon will be
+  output_.push_back({"II\n", 0, false});
+  state_deadline_ = now + scanTimeout();
 }
 
 Hokuyo::Status Hokuyo::status() const {
@@ -55,7 +79,10 @@ Hokuyo::Status Hokuyo::status() const {
                     : step_ == Step::kPause     ? "waiting after an error"
                     : command_.empty()          ? "looking for the device"
                                                 : "waiting for the reply to " + command_;
+  status.problem = problem_;
+  status.warning = warning_;
   status.info = info_;
+  status.informed = informed_;
   status.geometry = geometry_;
   status.settings = settings_;
   status.settings.intensity = settings_.intensity && !refuses_intensity_;
@@ -72,6 +99,7 @@ void Hokuyo::connected(Nanoseconds now) {
   if (was_connected_) count(HokuyoFault::kReconnect);
   was_connected_ = true;
   refuses_intensity_ = refuses_multi_echo_ = false;
+  warning_.clear();
   geometry_.reset();
   info_.clear();
   output_.clear();
@@ -84,7 +112,7 @@ void Hokuyo::disconnected(Nanoseconds) {
   step_ = Step::kOffline;
   command_.clear();
   output_.clear();
-  deadline_ = kNever;
+  deadline_ = state_deadline_ = kNever;
 }
 
 void Hokuyo::received(std::string_view bytes, Nanoseconds now) {
@@ -99,7 +127,9 @@ void Hokuyo::received(std::string_view bytes, Nanoseconds now) {
     broken_seen_ = reader_.broken();
     if (!reader_.complete()) continue;
     const scip::Message& message = reader_.message();
-    if (step_ == Step::kMeasuring) {
+    if (state_deadline_ != kNever && message.echo() == "II") {
+      stateReplied(message, now);
+    } else if (step_ == Step::kMeasuring) {
       measured(message, now);
     } else if (!command_.empty() && (message.echo() == command_ || isOldProtocol(message))) {
       replied(message, now);
@@ -110,6 +140,10 @@ void Hokuyo::received(std::string_view bytes, Nanoseconds now) {
 }
 
 void Hokuyo::tick(Nanoseconds now) {
+  if (now >= state_deadline_) {
+    count(HokuyoFault::kTimeout);
+    return enter(Step::kStop, now);
+  }
   if (now < deadline_) return;
   switch (step_) {
     case Step::kQuiet:
@@ -118,8 +152,7 @@ void Hokuyo::tick(Nanoseconds now) {
     case Step::kShutDown:
       return enter(Step::kDone, now);
     case Step::kMeasuring:
-      count(HokuyoFault::kTimeout);
-      return startAnew("no scan for " + std::to_string(scanTimeout() / kMillisecond) + " ms", 0, now);
+      return fellSilent(now);
     case Step::kTime:
       // A late answer would be taken for that to the next question: only QT tells that there is none any
       // more.
@@ -151,7 +184,7 @@ void Hokuyo::enter(Step step, Nanoseconds now) {
   if (step != step_) attempts_ = 0;
   step_ = step;
   command_.clear();
-  deadline_ = kNever;
+  deadline_ = state_deadline_ = kNever;
   switch (step) {
     case Step::kQuiet:
       output_.push_back({"\n", 0, false});
@@ -184,6 +217,7 @@ void Hokuyo::enter(Step step, Nanoseconds now) {
       return send(request_.command(), kStartTimeout, now);
     case Step::kMeasuring:
       command_ = request_.command();
+      measuring_since_ = now;
       deadline_ = now + kStartTimeout + scanTimeout();  // the motor may have to start
       return;
     case Step::kOffline:
@@ -223,6 +257,7 @@ void Hokuyo::replied(const scip::Message& message, Nanoseconds now) {
     case Step::kReset:
       return enter(Step::kParameters, now);
     case Step::kParameters:
+      if (!ok) return failed("the device answers PP with " + scip::describeStatus(status), now);
       try {
         const scip::KeyValues reply = scip::parseKeyValues(message.lines, 2);
         count(HokuyoFault::kSum, static_cast<std::uint64_t>(reply.bad_sums));
@@ -234,12 +269,14 @@ void Hokuyo::replied(const scip::Message& message, Nanoseconds now) {
       return enter(Step::kVersion, now);
     case Step::kVersion:
     case Step::kInformation:
+      if (!ok)
+        say(Level::kWarning, "The device answers " + command_ + " with " + scip::describeStatus(status));
       if (ok) takeInformation(message);
       if (step_ == Step::kVersion) return enter(Step::kInformation, now);
       return prepareMeasuring(now);
     case Step::kEnterTime:
       if (ok || status == "02") return enter(Step::kTime, now);
-      say(Level::kWarning, "The device doesn't tell its time (status " + std::string(status) +
+      say(Level::kWarning, "The device doesn't tell its time (" + scip::describeStatus(status) +
                                "): stamps come from the times of arrival");
       return enter(Step::kLeaveTime, now);
     case Step::kTime:
@@ -277,7 +314,7 @@ bool Hokuyo::stopReplied(std::string_view status, Nanoseconds now) {
     }
   }
   count(HokuyoFault::kErrorStatus);
-  failed("the device answers QT with status " + std::string(status), now);
+  failed("the device answers QT with " + scip::describeStatus(status), now);
   return false;
 }
 
@@ -287,6 +324,14 @@ void Hokuyo::takeInformation(const scip::Message& message) {
     count(HokuyoFault::kSum, static_cast<std::uint64_t>(reply.bad_sums + reply.bad_lines));
   }
   for (const auto& [key, value] : reply.values) info_[key] = value;
+  if (message.echo() == "II") ++informed_;
+}
+
+// To a question while measuring.
+void Hokuyo::stateReplied(const scip::Message& message, Nanoseconds now) {
+  state_deadline_ = kNever;
+  if (message.status() != "00") return enter(Step::kStop, now);
+  takeInformation(message);
 }
 
 void Hokuyo::takeProbe(const scip::Message& message, Nanoseconds now) {
@@ -346,9 +391,17 @@ void Hokuyo::giveUp(const std::string& why, Nanoseconds now) {
       return enter(Step::kQuiet, now);
     }
   }
-  say(Level::kError, "No dialogue with the device: " + why);
+  problem_ = withDevicesWords(why);
+  say(Level::kError, (was_heard ? "Measuring fails again and again, the port is opened anew: "
+                                : "No dialogue with the device: ") +
+                         problem_);
   output_.push_back({"", 0, true});
   enter(Step::kOffline, now);
+}
+
+std::string Hokuyo::withDevicesWords(const std::string& why) const {
+  const std::string words = status().trouble();
+  return words.empty() ? why : why + "; the device says: " + words;
 }
 
 }  // namespace hokuyo_sick_drivers

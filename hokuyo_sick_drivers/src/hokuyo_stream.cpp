@@ -13,6 +13,11 @@ namespace {
 constexpr int kTimeoutPeriods = 16, kTimeoutPeriodsPerSkip = 2;
 constexpr Nanoseconds kErrorPause = kSecond / 2;
 constexpr Nanoseconds kFuture = 100 * kMillisecond;  // that a scan may seem to come from
+// Old firmware of the UTM-30LX goes silent a while after it has begun to measure intensities over more than
+// that, times the cluster (as hokuyo_node knows).
+constexpr double kSafeDegrees = 95.0;
+constexpr Nanoseconds kStallTime = 30 * kSecond;
+constexpr int kStalls = 3;
 
 // Answers to a command that the device doesn't know or can't fulfil.
 bool isRefusal(std::string_view status) {
@@ -29,7 +34,6 @@ void Hokuyo::prepareMeasuring(Nanoseconds now) {
   try {
     request_ = HokuyoRequest::make(settings, *geometry_);
   } catch (const std::invalid_argument& e) {
-    say(Level::kError, std::string("Can't measure: ") + e.what());
     return startAnew(e.what(), kErrorPause, now);
   }
   scan_ = describeScan(request_, *geometry_);
@@ -38,6 +42,7 @@ void Hokuyo::prepareMeasuring(Nanoseconds now) {
                  geometry_->timeOf(request_.last));  // no ray leaves before it is measured
   last_stamp_.reset();
   probes_ = bad_scans_ = 0;
+  good_faults_ = faults_;
   ++futile_starts_;
   enter(options_.synchronize_clock ? Step::kEnterTime : Step::kStart, now);
 }
@@ -46,19 +51,20 @@ void Hokuyo::startReplied(std::string_view status, Nanoseconds now) {
   if (status == "00") return enter(Step::kMeasuring, now);
   if (!isRefusal(status)) {
     count(status == "0M" ? HokuyoFault::kUnstable : HokuyoFault::kErrorStatus);
-    return startAnew("the device doesn't start, status " + std::string(status), kErrorPause, now);
+    return startAnew("the device doesn't start measuring, " + scip::describeStatus(status), kErrorPause, now);
   }
   count(HokuyoFault::kRefused);
-  const std::string refusal = "The device refuses " + command_ + " (status " + std::string(status) + ")";
+  const std::string refusal = "The device refuses " + command_ + ", " + scip::describeStatus(status);
   if (request_.multi_echo) {
     refuses_multi_echo_ = true;
-    say(Level::kWarning, refusal + ": measuring without multiple echoes until the next connection");
+    warning_ = refusal + ": measuring without multiple echoes until the next connection";
   } else if (request_.intensity) {
     refuses_intensity_ = true;
-    say(Level::kWarning, refusal + ": measuring without intensities until the next connection");
+    warning_ = refusal + ": measuring without intensities until the next connection";
   } else {
     return startAnew(refusal, kErrorPause, now);
   }
+  say(Level::kWarning, warning_);
   request_.multi_echo = request_.multi_echo && !refuses_multi_echo_;
   request_.intensity = request_.intensity && !refuses_intensity_;
   enter(Step::kStart, now);
@@ -73,6 +79,8 @@ void Hokuyo::measured(const scip::Message& message, Nanoseconds now) {
   if (status == "99") {
     if (!takeScan(message)) return badScan(now);
     bad_scans_ = restarts_ = futile_starts_ = unanswered_probes_ = 0;
+    good_faults_ = faults_;
+    problem_.clear();
     ++scans_;
     deadline_ = now + scanTimeout();
     events_.scan(scan_);
@@ -84,13 +92,33 @@ void Hokuyo::measured(const scip::Message& message, Nanoseconds now) {
     deadline_ = now + scanTimeout();
   } else if (status != "00" && status != "98") {  // 00 may come twice, after a repeated command
     count(HokuyoFault::kErrorStatus);
-    startAnew("the device reports status " + std::string(status), kErrorPause, now);
+    startAnew("the device reports " + scip::describeStatus(status), kErrorPause, now);
   }
 }
 
 void Hokuyo::badScan(Nanoseconds now) {
-  if (++bad_scans_ >= options_.error_limit)
-    startAnew(std::to_string(bad_scans_) + " bad scans in a row", 0, now);
+  if (++bad_scans_ < options_.error_limit) return;
+  startAnew(std::to_string(bad_scans_) + " bad scans in a row: " + differences(good_faults_, faults_), 0,
+            now);
+}
+
+void Hokuyo::fellSilent(Nanoseconds now) {
+  count(HokuyoFault::kTimeout);
+  const double degrees = 180.0 / M_PI * geometry_->angleIncrement() * (request_.last - request_.first);
+  const bool is_wide = request_.intensity && degrees > request_.cluster * kSafeDegrees;
+  stalls_ = is_wide && now - measuring_since_ < kStallTime ? stalls_ + 1 : 0;
+  if (stalls_ >= kStalls) {
+    refuses_intensity_ = true;
+    const auto rounded = [](double value) { return std::to_string(std::lround(value)); };
+    warning_ =
+        "Measuring without intensities until the next connection: with those over " + rounded(degrees) +
+        " degrees the device goes silent again and again, as old firmware of the UTM-30LX does. Set cluster "
+        "to " +
+        rounded(std::ceil(degrees / kSafeDegrees)) + ", or angle_min and angle_max at most " +
+        rounded(kSafeDegrees) + " degrees apart, or publish_intensity to false";
+    say(Level::kError, warning_);
+  }
+  startAnew("no scan for " + std::to_string(scanTimeout() / kMillisecond) + " ms", 0, now);
 }
 
 bool Hokuyo::takeScan(const scip::Message& message) {
@@ -142,7 +170,8 @@ bool Hokuyo::takeStamp(std::string_view line, Nanoseconds arrival, HokuyoScan& s
 void Hokuyo::startAnew(const std::string& why, Nanoseconds pause, Nanoseconds now) {
   count(HokuyoFault::kRestart);
   if (++restarts_ > options_.error_limit) return giveUp(why, now);
-  say(Level::kWarning, "Measuring starts anew: " + why);
+  problem_ = withDevicesWords(why);
+  say(Level::kWarning, "Measuring starts anew: " + problem_);
   if (pause == 0) return enter(Step::kStop, now);
   enter(Step::kPause, now);
   deadline_ = now + pause;

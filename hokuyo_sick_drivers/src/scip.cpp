@@ -86,6 +86,22 @@ KeyValues parseKeyValues(const std::vector<std::string_view>& lines, std::size_t
   return result;
 }
 
+std::string describeStatus(std::string_view status) {
+  struct Meaning {
+    std::string_view first, last, words;
+  };
+  static constexpr Meaning kMeanings[] = {
+      {"0A", "0A", "internal error"},     {"0B", "0B", "busy or out of memory"},
+      {"0I", "0I", "waits for firmware"}, {"0L", "0L", "abnormal state"},
+      {"0M", "0M", "unstable"},           {"10", "10", "denied in this state"},
+      {"21", "49", "verifies an error"},  {"50", "97", "hardware trouble"}};
+  std::string text = "status " + std::string(status);
+  for (const Meaning& meaning : kMeanings) {
+    if (status >= meaning.first && status <= meaning.last) text += " (" + std::string(meaning.words) + ')';
+  }
+  return text;
+}
+
 std::string_view Message::status() const {
   if (lines.size() < 2) return {};
   if (lines[1].size() == 1) return lines[1];

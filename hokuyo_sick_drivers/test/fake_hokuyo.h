@@ -43,9 +43,12 @@ class FakeHokuyo {
   bool silent = false, time_mode = false, old_protocol = false;
   std::set<std::string> refused;                // the first two letters of commands, answered 0E
   std::map<std::string, std::string> statuses;  // of commands by their first two letters
-  double drift = 0.0;                           // host seconds per device second, less one
-  double period = 0.025;                        // s, of the device
-  Nanoseconds jitter = 0;                       // at most, each way
+  std::string state = "Sensor works well.";     // STAT
+  std::string state_while_measuring = "00";     // status of II then; "": no answer
+  int stalls_beyond = 1 << 20;  // after 20 scans it goes silent, if of more rays with intensities
+  double drift = 0.0;           // host seconds per device second, less one
+  double period = 0.025;        // s, of the device
+  Nanoseconds jitter = 0;       // at most, each way
   Nanoseconds latency = 2 * kMillisecond;
   std::int64_t clock_start = 1000;                                // ms
   std::function<std::string(std::string, std::uint64_t)> damage;  // of a scan's message
@@ -59,6 +62,7 @@ class FakeHokuyo {
   void stream(const std::string& command, Nanoseconds now) {
     streaming_ = command;
     next_scan_ = now;
+    streamed_ = 0;
   }
   void say(const std::string& bytes, Nanoseconds now) {
     const Nanoseconds late = jitter > 0 ? std::uniform_int_distribution<Nanoseconds>(0, jitter)(random) : 0;
@@ -121,7 +125,10 @@ class FakeHokuyo {
     } else if (code == "VV") {
       text = "VEND:Hokuyo Automatic Co.,Ltd.;[\nSERI:12345678;bad\nPROT:SCIP 2.0;N\n";
     } else if (code == "II") {
-      text = "SCSP:Initial(2400[rpm])<-Default setting by user;1\nSTAT:Sensor works well.;8\n";
+      if (!streaming_.empty()) status = state_while_measuring;
+      if (status.empty()) return;
+      const std::string line = "STAT:" + state;
+      text = "SCSP:Initial(2400[rpm])<-Default setting by user;1\n" + line + ";" + summed(line).back() + "\n";
     } else if (command == "TM0") {
       status = time_mode ? "02" : "00";
       time_mode = true;
@@ -144,19 +151,21 @@ class FakeHokuyo {
   void scan() {
     const int first = std::stoi(streaming_.substr(2, 4)), last = std::stoi(streaming_.substr(6, 4));
     const int cluster = std::max(1, std::stoi(streaming_.substr(10, 2))), skip = streaming_[12] - '0';
+    const bool has_intensities = streaming_[1] == 'E';
+    const int rays = (last - first + 1) / cluster;
     std::string data;
     for (int step = first; step + cluster - 1 <= last; step += cluster) {
       const std::uint32_t near = distance(scans, step);
-      const bool has_intensity = streaming_[1] == 'E';
-      data += encoded(near, 3) + (has_intensity ? encoded(300 + static_cast<std::uint32_t>(step), 3) : "");
+      data += encoded(near, 3) + (has_intensities ? encoded(300 + static_cast<std::uint32_t>(step), 3) : "");
       if (streaming_[0] != 'N' || !hasSecondEcho(step)) continue;
       data += "&" + encoded(near + 500, 3);
-      if (has_intensity) data += encoded(900 + static_cast<std::uint32_t>(step), 3);
+      if (has_intensities) data += encoded(900 + static_cast<std::uint32_t>(step), 3);
     }
     std::string message = streaming_ + "\n99b\n" + clock(next_scan_);
     for (std::size_t i = 0; i < data.size(); i += 64) message += summed(data.substr(i, 64)) + "\n";
     message += "\n";
     passed[scans] = next_scan_;
+    if (has_intensities && rays > stalls_beyond && ++streamed_ > 20) message.clear();
     const auto turn = static_cast<Nanoseconds>(1e9 * period * (1.0 + drift));
     if (damage) message = damage(message, scans);
     say(message, next_scan_ + turn * 3 / 4 + latency);
@@ -166,6 +175,7 @@ class FakeHokuyo {
 
   std::string line_, streaming_;
   Nanoseconds next_scan_ = 0;
+  int streamed_ = 0;  // scans, since the start
   std::deque<std::pair<Nanoseconds, std::string>> output_;
 };
 

@@ -11,7 +11,10 @@
 #include <chrono>
 #include <deque>
 #include <functional>
+#include <future>
+#include <memory>
 #include <mutex>
+#include <stdexcept>
 #include <string>
 #include <thread>
 #include <vector>
@@ -42,6 +45,7 @@ class Echo : public Protocol {
     std::string answer(bytes);
     for (char& c : answer) ++c;
     if (bytes == "!") return output_.push_back({"", 0, true});
+    if (bytes == "?") throw std::logic_error("no answer to that");
     if (bytes == "500000") return output_.push_back({"ok", 500000, false});
     output_.push_back({answer, 0, false});
   }
@@ -127,7 +131,8 @@ struct Log {
       lines.push_back(text);
     };
     return {[add] { add("connected"); }, [add](const std::string& why) { add("lost: " + why); },
-            [add](const std::string& why) { add("refused: " + why); }};
+            [add](const std::string& why) { add("refused: " + why); },
+            [add](const std::string& what) { add("failed: " + what); }};
   }
   bool has(const std::string& text) {
     const std::lock_guard<std::mutex> lock(mutex);
@@ -194,6 +199,82 @@ TEST(ConnectionTest, waitsForADeviceThatIsNotThereYet) {
   Server server(port);
   const FileDescriptor device(server.accept());
   EXPECT_EQ(readSome(device.get(), 5), "hello");
+}
+
+TEST(ConnectionTest, exceptionsOfTheDriverAreToldAsSuch) {
+  Server server;
+  Echo protocol;
+  Log log;
+  Connection connection(server.endpoint(), protocol, log.events());
+  {
+    const FileDescriptor device(server.accept());
+    EXPECT_EQ(readSome(device.get(), 5), "hello");
+    connection.post([](Nanoseconds) { throw std::runtime_error("no such work"); });
+    EXPECT_TRUE(waitFor([&] { return log.has("failed: no such work"); }));
+    writeAll(device.get(), "a");
+    EXPECT_EQ(readSome(device.get(), 1), "b");  // goes on
+    writeAll(device.get(), "?");
+    EXPECT_TRUE(waitFor([&] { return log.has("failed: no answer to that"); }));
+  }
+  const FileDescriptor device(server.accept());
+  EXPECT_EQ(readSome(device.get(), 5), "hello");
+  EXPECT_TRUE(log.has("lost: the driver failed"));
+  EXPECT_FALSE(log.has("refused"));
+  EXPECT_EQ(protocol.disconnections, 1);
+}
+
+TEST(ConnectionTest, triesTheNextAddress) {
+  Server server;
+  std::uint16_t closed_port = 0;
+  {
+    const Server closed;
+    closed_port = closed.port;
+  }
+  Connection::Options options;
+  options.look_up = [&](const Endpoint& endpoint) {
+    SocketAddress unknown;  // a family that this machine doesn't have, as IPv6 may be
+    unknown.address.ss_family = AF_MAX;
+    unknown.size = sizeof(unknown.address);
+    std::vector<SocketAddress> addresses = {unknown, lookUp({"127.0.0.1", closed_port, "", 0}).at(0)};
+    addresses.push_back(lookUp(endpoint).at(0));
+    return addresses;
+  };
+  Echo protocol;
+  Log log;
+  const Connection connection(server.endpoint(), protocol, log.events(), options);
+  const FileDescriptor device(server.accept());
+  EXPECT_EQ(readSome(device.get(), 5), "hello");
+  EXPECT_FALSE(log.has("refused"));
+}
+
+TEST(ConnectionTest, workIsDoneAndTheEndComesDuringALookUp) {
+  std::promise<void> answer;
+  const auto answered = answer.get_future().share();
+  std::atomic<bool> asked{false};
+  Connection::Options options;
+  options.look_up = [&asked, answered](const Endpoint&) {
+    asked = true;
+    answered.wait();
+    return std::vector<SocketAddress>();
+  };
+  Echo protocol;
+  Log log;
+  auto connection =
+      std::make_unique<Connection>(Endpoint{"scanner", 10940, "", 0}, protocol, log.events(), options);
+  EXPECT_TRUE(waitFor([&] { return asked.load(); }));
+  std::promise<void> worked;
+  connection->post([&](Nanoseconds) { worked.set_value(); });
+  EXPECT_EQ(worked.get_future().wait_for(std::chrono::seconds(1)), std::future_status::ready);
+  auto ended = std::async(std::launch::async, [&] { connection.reset(); });
+  EXPECT_EQ(ended.wait_for(std::chrono::seconds(1)), std::future_status::ready);
+  answer.set_value();
+}
+
+TEST(ConnectionTest, tellsANameThatNobodyKnows) {
+  Echo protocol;
+  Log log;
+  const Connection connection({"no-such-host.invalid", 10940, "", 0}, protocol, log.events());
+  EXPECT_TRUE(waitFor([&] { return log.has("refused: can't resolve no-such-host.invalid: "); }));
 }
 
 TEST(ConnectionTest, serialPort) {

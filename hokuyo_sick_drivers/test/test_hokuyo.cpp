@@ -232,15 +232,89 @@ TEST(HokuyoSettingsTest, refusedModesAreTriedAgainAfterReconnection) {
   EXPECT_EQ(dialogue.last.intensities.size(), 1442u);
 }
 
-TEST(HokuyoSettingsTest, stateOnDemand) {
+// ---- what the device says of itself
+
+TEST(HokuyoStateTest, isToldOnDemandWithoutTheLossOfAScan) {
   HokuyoDialogue dialogue;
   dialogue.connect();
   dialogue.run(1.0);
+  dialogue.device.commands.clear();
+  dialogue.device.state = "Trouble!! Error No. =[00->33]";
+  const std::uint64_t informed = dialogue.driver.status().informed;
+  const HokuyoFaults faults = dialogue.driver.status().faults;
   dialogue.driver.updateStatus(dialogue.now);
-  EXPECT_EQ(dialogue.driver.status().info.count("STAT"), 0u);
+  dialogue.driver.updateStatus(dialogue.now);  // is under way
   dialogue.run(1.0);
-  EXPECT_EQ(dialogue.driver.status().info.at("STAT"), "Sensor works well.");
+  EXPECT_EQ(dialogue.device.commands, (std::vector<std::string>{"II"}));
+  EXPECT_EQ(dialogue.driver.status().informed, informed + 1);
+  EXPECT_EQ(dialogue.driver.status().trouble(), "Trouble!! Error No. =[00->33]");
   EXPECT_TRUE(dialogue.driver.status().measuring);
+  EXPECT_GE(dialogue.scans + 1, dialogue.device.scans);  // one is on its way
+  EXPECT_EQ(dialogue.driver.status().faults, faults);
+}
+
+TEST(HokuyoStateTest, isToldByADeviceThatHasToStopForThat) {
+  for (const std::string status : {"", "10", "0E"}) {
+    HokuyoDialogue dialogue;
+    dialogue.device.state_while_measuring = status;
+    dialogue.device.jitter = 2 * kMillisecond;
+    dialogue.connect();
+    dialogue.run(2.0);
+    const std::uint64_t informed = dialogue.driver.status().informed, before = dialogue.device.scans;
+    dialogue.driver.updateStatus(dialogue.now);
+    const Nanoseconds begin = dialogue.now;
+    while (dialogue.driver.status().measuring && dialogue.now < begin + kSecond) dialogue.run(0.001);
+    const Nanoseconds stopped = dialogue.now;
+    const std::uint64_t scans = dialogue.scans;
+    while (dialogue.scans == scans && dialogue.now < begin + 5 * kSecond) dialogue.run(0.001);
+    EXPECT_EQ(dialogue.driver.status().informed, informed + 1);
+    EXPECT_GT(dialogue.device.scans, before);
+    EXPECT_LT(dialogue.now - stopped, 500 * kMillisecond);
+    RecordProperty("ms_without_scans_" + status, static_cast<int>((dialogue.now - stopped) / kMillisecond));
+  }
+}
+
+TEST(HokuyoStateTest, knowsWhatDevicesSayWhereAllIsWell) {
+  Hokuyo::Status status;
+  EXPECT_EQ(status.trouble(), "");
+  for (const char* words : {"Sensor works well.", "Stable 000 no error.", "sensor is working normally"}) {
+    status.info["STAT"] = words;
+    EXPECT_EQ(status.trouble(), "") << words;
+  }
+  for (const char* words : {"Trouble!! Error No. =[00->33]", "Unstable 003 error", "Sensor error", "?"}) {
+    status.info["STAT"] = words;
+    EXPECT_EQ(status.trouble(), words);
+  }
+}
+
+TEST(HokuyoStateTest, goesWithTheReasonNotToMeasure) {
+  HokuyoDialogue dialogue;
+  dialogue.device.statuses["ME"] = "0L";
+  dialogue.device.state = "Trouble!! Error No. =[00->33]";
+  dialogue.connect();
+  dialogue.run(6.0);
+  const std::string problem =
+      "the device doesn't start measuring, status 0L (abnormal state); the device says: Trouble!! Error No. "
+      "=[00->33]";
+  EXPECT_TRUE(dialogue.wasSaid("Measuring starts anew: " + problem));
+  EXPECT_TRUE(dialogue.wasSaid("the port is opened anew: " + problem));
+  EXPECT_FALSE(dialogue.wasSaid("No dialogue"));
+  EXPECT_EQ(dialogue.driver.status().problem, problem);
+  EXPECT_GE(dialogue.reconnects, 1);
+  EXPECT_EQ(dialogue.fault(HokuyoFault::kRefused), 0u);
+
+  dialogue.device.statuses.clear();
+  dialogue.run(3.0);
+  EXPECT_GT(dialogue.scans, 40u);
+  EXPECT_EQ(dialogue.driver.status().problem, "");
+}
+
+TEST(HokuyoStateTest, isToldWithAnyOtherRefusal) {
+  HokuyoDialogue dialogue;
+  dialogue.device.statuses["PP"] = "50";
+  dialogue.connect();
+  dialogue.run(3.0);
+  EXPECT_TRUE(dialogue.wasSaid("the device answers PP with status 50 (hardware trouble)"));
 }
 
 TEST(HokuyoTest, stopsTheDeviceAtTheEnd) {

@@ -112,6 +112,7 @@ TEST(HokuyoFaultTest, scansThatAreAllBad) {
   EXPECT_GE(dialogue.fault(HokuyoFault::kRestart), 4u);
   EXPECT_GE(dialogue.reconnects, 1);
   EXPECT_EQ(dialogue.scans, kAt);
+  EXPECT_TRUE(dialogue.wasSaid("4 bad scans in a row: 4 wrong sums"));
   dialogue.device.damage = nullptr;
   dialogue.run(2.0);
   EXPECT_GT(dialogue.scans, kAt + 10);
@@ -124,6 +125,45 @@ TEST(HokuyoFaultTest, moreRaysThanAskedFor) {
     return message;
   });
   EXPECT_EQ(dialogue.fault(HokuyoFault::kLength), 1u);
+}
+
+// As old firmware of the UTM-30LX.
+TEST(HokuyoFaultTest, stallsWithIntensitiesOverAWideAngle) {
+  HokuyoDialogue dialogue;
+  dialogue.device.stalls_beyond = 381;
+  dialogue.connect();
+  dialogue.run(20.0);
+  EXPECT_EQ(dialogue.fault(HokuyoFault::kRestart), 3u);
+  EXPECT_EQ(dialogue.reconnects, 0);
+  const std::uint64_t before = dialogue.scans;
+  dialogue.run(10.0);
+  EXPECT_GE(dialogue.scans, before + 399);
+  EXPECT_TRUE(dialogue.last.intensities.empty());
+  for (const char* advice :
+       {"over 270 degrees", "Set cluster to 3", "at most 95 degrees", "publish_intensity"}) {
+    EXPECT_NE(dialogue.driver.status().warning.find(advice), std::string::npos) << advice;
+    EXPECT_TRUE(dialogue.wasSaid(advice));
+  }
+  HokuyoSettings settings;
+  settings.cluster = 3;
+  dialogue.driver.configure(settings, dialogue.now);
+  dialogue.run(10.0);
+  EXPECT_EQ(dialogue.last.intensities.size(), 360u);
+  EXPECT_EQ(dialogue.driver.status().warning, "");
+  EXPECT_EQ(dialogue.fault(HokuyoFault::kRestart), 3u);
+}
+
+TEST(HokuyoFaultTest, stallsOfAnotherKindLeaveTheIntensities) {
+  HokuyoSettings settings;
+  settings.angle_min = -0.8;
+  settings.angle_max = 0.8;
+  HokuyoDialogue dialogue({}, settings);
+  dialogue.device.stalls_beyond = 100;
+  dialogue.connect();
+  dialogue.run(20.0);
+  EXPECT_GT(dialogue.fault(HokuyoFault::kRestart), 5u);
+  EXPECT_FALSE(dialogue.last.intensities.empty());
+  EXPECT_TRUE(dialogue.wasSaid("no scan for"));
 }
 
 TEST(HokuyoFaultTest, stall) {

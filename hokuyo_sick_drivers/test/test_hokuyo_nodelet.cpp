@@ -4,6 +4,7 @@
 #include <mapping_common/testing/nodelet_test.h>
 #include <netinet/in.h>
 #include <ros/ros.h>
+#include <rosgraph_msgs/Log.h>
 #include <sensor_msgs/LaserScan.h>
 #include <sensor_msgs/MultiEchoLaserScan.h>
 #include <std_srvs/Trigger.h>
@@ -14,6 +15,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <string>
 #include <thread>
@@ -46,8 +48,12 @@ int listenAt(std::uint16_t& port) {
 // The fake at a TCP port, in real time, from its construction to its destruction.
 class FakeServer {
  public:
-  explicit FakeServer(std::uint16_t port = 0) : port(port), listener_(listenAt(this->port)) {
-    thread_ = std::thread([this] { run(); });
+  using SetUp = std::function<void(FakeHokuyo&)>;
+  explicit FakeServer(const SetUp& set_up) : FakeServer(0, set_up) {}
+  explicit FakeServer(
+      std::uint16_t port = 0, const SetUp& set_up = [](FakeHokuyo&) {})
+      : port(port), listener_(listenAt(this->port)) {
+    thread_ = std::thread([this, set_up] { run(set_up); });
   }
   ~FakeServer() {
     stop_ = true;
@@ -57,8 +63,9 @@ class FakeServer {
   std::uint16_t port;
 
  private:
-  void run() {
+  void run(const SetUp& set_up) {
     FakeHokuyo device;
+    set_up(device);
     std::unique_ptr<FileDescriptor> client;
     while (!stop_) {
       const int accepted = accept4(listener_.get(), nullptr, nullptr, SOCK_NONBLOCK);
@@ -86,6 +93,19 @@ class HokuyoNodeletTest : public mapping_common::NodeletTest {
   }
   void connectTo(const FakeServer& server) { setParam("ip_port", static_cast<int>(server.port)); }
 
+  bool hasStatus(std::uint8_t level, const std::string& words) const {
+    for (const auto& message : diagnostics_.messages) {
+      for (const auto& status : message.status) {
+        if (status.name == name_.substr(1) + ": Hardware Status" && status.level == level &&
+            status.message.find(words) != std::string::npos)
+          return true;
+      }
+    }
+    return false;
+  }
+  void expectStatus(std::uint8_t level, const std::string& words) {
+    EXPECT_TRUE(waitFor([&] { return hasStatus(level, words); }, 20.0)) << words;
+  }
   std::size_t rays(const Recorder<sensor_msgs::LaserScan>& scans) const {
     return scans.messages.empty() ? 0 : scans.messages.back().ranges.size();
   }
@@ -119,8 +139,9 @@ TEST_F(HokuyoNodeletTest, publishesMultipleEchoes) {
   const FakeServer server;
   connectTo(server);
   setParam("publish_multiecho", true);
-  Recorder<sensor_msgs::MultiEchoLaserScan> echoes(node_, "echoes");
-  Recorder<sensor_msgs::LaserScan> first(node_, "first"), last(node_, "last"), intense(node_, "most_intense");
+  ros::NodeHandle own(name_);
+  Recorder<sensor_msgs::MultiEchoLaserScan> echoes(own, "echoes");
+  Recorder<sensor_msgs::LaserScan> first(own, "first"), last(own, "last"), intense(own, "most_intense");
   ASSERT_TRUE(load());
   ASSERT_TRUE(waitFor([&] { return !echoes.messages.empty() && !intense.messages.empty(); }));
   const auto& message = echoes.messages.back();
@@ -168,9 +189,116 @@ TEST_F(HokuyoNodeletTest, tellsTheDevicesState) {
   ASSERT_TRUE(load());
   ASSERT_TRUE(scans.waitForOne());
   std_srvs::Trigger trigger;
-  ASSERT_TRUE(ros::service::call("/" + test_ + "/update_laser_status", trigger));
+  ASSERT_TRUE(ros::service::call(name_ + "/update_laser_status", trigger));
   EXPECT_TRUE(trigger.response.success);
   EXPECT_EQ(trigger.response.message, "Sensor works well.");
+  ASSERT_TRUE(waitFor([&] { return scans.messages.size() > 40; }));
+  for (std::size_t i = 1; i < scans.messages.size(); ++i) {
+    EXPECT_NEAR((scans.messages[i].header.stamp - scans.messages[i - 1].header.stamp).toSec(), 0.025, 0.005);
+  }
+}
+
+TEST_F(HokuyoNodeletTest, tellsTroubleWhileItMeasures) {
+  const FakeServer server([](FakeHokuyo& device) { device.state = "Trouble!! Error No. =[00->33]"; });
+  connectTo(server);
+  Recorder<sensor_msgs::LaserScan> scans(node_, "scan");
+  ASSERT_TRUE(load());
+  expectStatus(diagnostic_msgs::DiagnosticStatus::ERROR,
+               "Measuring, but the device says: Trouble!! Error No. =[00->33]");
+  EXPECT_FALSE(scans.messages.empty());
+}
+
+TEST_F(HokuyoNodeletTest, tellsWhyItDoesNotMeasure) {
+  const FakeServer server([](FakeHokuyo& device) {
+    device.state = "Trouble!! Error No. =[00->33]";
+    device.statuses["ME"] = "0L";
+  });
+  connectTo(server);
+  ASSERT_TRUE(load());
+  expectStatus(
+      diagnostic_msgs::DiagnosticStatus::ERROR,
+      "Not measuring: the device doesn't start measuring, status 0L (abnormal state); the device says: "
+      "Trouble!! Error No. =[00->33]");
+}
+
+TEST_F(HokuyoNodeletTest, advisesWhereIntensitiesStallTheDevice) {
+  const FakeServer server([](FakeHokuyo& device) { device.stalls_beyond = 381; });
+  connectTo(server);
+  Recorder<sensor_msgs::LaserScan> scans(node_, "scan");
+  ASSERT_TRUE(load());
+  expectStatus(diagnostic_msgs::DiagnosticStatus::WARN, "Set cluster to 3");
+  scans.messages.clear();
+  ASSERT_TRUE(waitFor([&] { return scans.messages.size() > 40; }));
+  EXPECT_TRUE(scans.messages.back().intensities.empty());
+}
+
+TEST_F(HokuyoNodeletTest, saysThatItIsConnectedEachTime) {
+  const auto countOf = [](const Recorder<rosgraph_msgs::Log>& log, const std::string& words) {
+    int count = 0;
+    for (const auto& message : log.messages) count += message.msg.find(words) != std::string::npos ? 1 : 0;
+    return count;
+  };
+  auto server = std::make_unique<FakeServer>();
+  connectTo(*server);
+  const std::uint16_t port = server->port;
+  const std::string name = "127.0.0.1:" + std::to_string(port);
+  Recorder<rosgraph_msgs::Log> log(node_, "/rosout");
+  mapping_common::spinFor(0.5);  // to be connected
+  ASSERT_TRUE(load());
+  for (int i = 1; i <= 3; ++i) {
+    EXPECT_TRUE(waitFor([&] { return countOf(log, "Connected to " + name) == i; })) << i;
+    server.reset();  // a cable that is pulled, and put back
+    EXPECT_TRUE(waitFor([&] { return countOf(log, "Connection to " + name + " lost") == i; })) << i;
+    server = std::make_unique<FakeServer>(port);
+  }
+}
+
+// Their scans have topics of their own, nothing else needs one.
+TEST_F(HokuyoNodeletTest, twoOfThemShareANamespace) {
+  const FakeServer server, rear_server([](FakeHokuyo&device) { device.state = "Stable 000 no error."; });
+  connectTo(server);
+  ASSERT_TRUE(load());
+  const std::string rear = "/" + test_ + "/rear";
+  ros::param::set(rear + "/ip_address", std::string("127.0.0.1"));
+  ros::param::set(rear + "/ip_port", static_cast<int>(rear_server.port));
+  ros::param::set(rear + "/publish_multiecho", true);
+  nodelet::NodeletLoad load_rear;
+  load_rear.request.name = rear;
+  load_rear.request.type = type_;
+  load_rear.request.remap_source_args = {"/" + test_ + "/scan"};
+  load_rear.request.remap_target_args = {"/" + test_ + "/rear_scan"};
+  ASSERT_TRUE(ros::service::call("/manager/load_nodelet", load_rear) && load_rear.response.success);
+
+  ros::NodeHandle front_node(name_), rear_node(rear);
+  Recorder<sensor_msgs::MultiEchoLaserScan> front_echoes(front_node, "echoes"),
+      rear_echoes(rear_node, "echoes");
+  Recorder<sensor_msgs::LaserScan> shared_scans(node_, "scan"), rear_scans(node_, "rear_scan");
+  ASSERT_TRUE(waitFor([&] {
+    return front_echoes.messages.size() > 3 && rear_echoes.messages.size() > 3 &&
+           !shared_scans.messages.empty() && !rear_scans.messages.empty();
+  }));
+  for (const auto& message : front_echoes.messages) EXPECT_EQ(message.ranges[3].echoes.size(), 1u);
+  for (const auto& message : rear_echoes.messages) EXPECT_EQ(message.ranges[3].echoes.size(), 2u);
+  for (const auto& [of, state] :
+       {std::pair(name_, "Sensor works well."), std::pair(rear, "Stable 000 no error.")}) {
+    std_srvs::Trigger trigger;
+    ASSERT_TRUE(ros::service::call(of + "/update_laser_status", trigger));
+    EXPECT_EQ(trigger.response.message, state);
+  }
+  nodelet::NodeletUnload unload_rear;
+  unload_rear.request.name = rear;
+  EXPECT_TRUE(ros::service::call("/manager/unload_nodelet", unload_rear));
+}
+
+TEST_F(HokuyoNodeletTest, hasUrgNodesNamesWhereRemapped) {
+  const FakeServer server;
+  connectTo(server);
+  Recorder<sensor_msgs::LaserScan> first(node_, "first");
+  ASSERT_TRUE(load({name_ + "/first", name_ + "/update_laser_status"},
+                   {"/" + test_ + "/first", "/" + test_ + "/update_laser_status"}));
+  EXPECT_TRUE(first.waitForOne());
+  std_srvs::Trigger trigger;
+  EXPECT_TRUE(ros::service::call("/" + test_ + "/update_laser_status", trigger));
 }
 
 TEST_F(HokuyoNodeletTest, waitsForTheDeviceAndComesBack) {

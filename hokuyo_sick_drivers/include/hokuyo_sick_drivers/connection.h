@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <sys/socket.h>
+
 #include <atomic>
 #include <deque>
 #include <functional>
 #include <mutex>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "hokuyo_sick_drivers/protocol.h"
@@ -18,7 +21,10 @@ class FileDescriptor {
  public:
   explicit FileDescriptor(int fd = -1) : fd_(fd) {}
   FileDescriptor(FileDescriptor&& other) noexcept : fd_(other.fd_) { other.fd_ = -1; }
-  FileDescriptor& operator=(FileDescriptor&&) = delete;
+  FileDescriptor& operator=(FileDescriptor&& other) noexcept {
+    std::swap(fd_, other.fd_);
+    return *this;
+  }
   ~FileDescriptor();
   int get() const { return fd_; }
 
@@ -36,20 +42,32 @@ struct Endpoint {
   std::string name() const { return host.empty() ? device : host + ":" + std::to_string(tcp_port); }
 };
 
+/// Where a host is. A name may have several.
+struct SocketAddress {
+  sockaddr_storage address{};
+  socklen_t size = 0;
+};
+/// The addresses of a host, IPv4 and IPv6, in the order in which they are to be tried; may take long.
+/// @throws std::runtime_error that says why there are none
+std::vector<SocketAddress> lookUp(const Endpoint& endpoint);
+
 /// Runs a protocol on a port, in a thread of its own, until it is destroyed. A port that isn't there, or
 /// goes, is opened anew by its name, again and again.
 class Connection {
  public:
   struct Options {
-    Nanoseconds connect_timeout = kSecond;
+    Nanoseconds connect_timeout = kSecond;                         ///< for each address
     Nanoseconds first_retry = kSecond / 10, last_retry = kSecond;  ///< pause, doubled each time
     Nanoseconds stop_timeout = 2 * kSecond;  ///< that the protocol's shutDown() may take
+    std::function<std::vector<SocketAddress>(const Endpoint&)> look_up = lookUp;
   };
-  /// Called in the connection's thread.
+  /// Called in the connection's thread. None may throw.
   struct Events {
     std::function<void()> connected;
     std::function<void(const std::string& why)> lost;     ///< after connected
     std::function<void(const std::string& why)> refused;  ///< couldn't be opened
+    /// An exception has left the protocol or posted work. If the port was open, `lost` follows.
+    std::function<void(const std::string& what)> failed;
   };
 
   /// Starts. From now on the protocol belongs to the connection's thread.
@@ -59,8 +77,8 @@ class Connection {
   /// Stops the device, waits for that, and closes the port.
   ~Connection();
 
-  /// Has `work` done in the connection's thread, be the port open or not. Work that comes while the
-  /// connection is being destroyed may be dropped.
+  /// Has `work` done in the connection's thread, at once, be the port open, being opened or not. Work that
+  /// comes while the connection is being destroyed may be dropped.
   void post(const std::function<void(Nanoseconds now)>& work);
 
   /// CLOCK_MONOTONIC, the time that the protocol gets.
@@ -71,6 +89,9 @@ class Connection {
 
   void run();
   FileDescriptor open();
+  std::vector<SocketAddress> addresses();
+  int connect(int fd, const SocketAddress& address);
+  bool serveUntilLost(int fd);
   void serve(int fd);
   void send(int fd);
   void receive(int fd);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <deque>
@@ -39,6 +40,8 @@ enum class HokuyoFault {
 /// For people, e.g. "wrong sums".
 const char* name(HokuyoFault fault);
 using HokuyoFaults = std::array<std::uint64_t, static_cast<std::size_t>(HokuyoFault::kCount)>;
+/// What went wrong between two counts, for people, e.g. "3 wrong sums, 1 lost scans"; "" if nothing did.
+std::string differences(const HokuyoFaults& before, const HokuyoFaults& now);
 
 /// A Hokuyo scanner that speaks SCIP 2: measures for as long as there is a connection, whatever state the
 /// device is found in and whatever happens to it.
@@ -60,8 +63,13 @@ class Hokuyo : public Protocol {
   struct Status {
     bool measuring = false;
     std::string activity;  ///< e.g. "measuring", "waiting for the reply to PP"
-    std::map<std::string, std::string>
-        info;  ///< by SCIP's keys: VEND, PROD, FIRM, PROT, SERI, MODL, STAT, ...
+    std::string problem;   ///< why it doesn't measure, with the device's own words; "" once scans come
+    std::string warning;   ///< what isn't measured as asked for, and what to do about that
+    /// By SCIP's keys: VEND, PROD, FIRM, PROT, SERI, MODL, STAT, ...
+    std::map<std::string, std::string> info;
+    std::uint64_t informed = 0;  ///< how often the device has told its state (II)
+    /// The device's own words of its state (STAT) where these aren't known to mean that all is well.
+    std::string trouble() const;
     std::optional<HokuyoGeometry> geometry;
     HokuyoSettings settings;  ///< as they could be fulfilled
     HokuyoFaults faults{};
@@ -76,7 +84,8 @@ class Hokuyo : public Protocol {
   /// Measures another way from now on. Where that is already so, nothing happens.
   /// @throws std::invalid_argument if the device is known and has no such rays
   void configure(const HokuyoSettings& settings, Nanoseconds now);
-  /// Stops, asks the device for its state (II), and goes on.
+  /// Has the device tell its state (II) while it goes on measuring. A device that doesn't answer while it
+  /// measures is stopped for that, as it is at a start.
   void updateStatus(Nanoseconds now);
   Status status() const;
 
@@ -84,7 +93,7 @@ class Hokuyo : public Protocol {
   void disconnected(Nanoseconds now) override;
   void received(std::string_view bytes, Nanoseconds now) override;
   void tick(Nanoseconds now) override;
-  Nanoseconds deadline() const override { return deadline_; }
+  Nanoseconds deadline() const override { return std::min(deadline_, state_deadline_); }
   Output takeOutput() override;
   void shutDown(Nanoseconds now) override;
   bool done() const override { return step_ == Step::kDone; }
@@ -122,6 +131,7 @@ class Hokuyo : public Protocol {
   bool isOldProtocol(const scip::Message& message) const;
   bool stopReplied(std::string_view status, Nanoseconds now);
   void takeInformation(const scip::Message& message);
+  void stateReplied(const scip::Message& message, Nanoseconds now);
   void takeProbe(const scip::Message& message, Nanoseconds now);
   void startReplied(std::string_view status, Nanoseconds now);
   void prepareMeasuring(Nanoseconds now);
@@ -129,6 +139,8 @@ class Hokuyo : public Protocol {
   bool takeScan(const scip::Message& message);
   bool takeStamp(std::string_view line, Nanoseconds arrival, HokuyoScan& scan);
   void badScan(Nanoseconds now);
+  void fellSilent(Nanoseconds now);
+  std::string withDevicesWords(const std::string& why) const;
 
   void count(HokuyoFault fault, std::uint64_t number = 1);
   void say(Level level, const std::string& text) const { events_.say(level, text); }
@@ -138,18 +150,23 @@ class Hokuyo : public Protocol {
   const Events events_;
   HokuyoSettings settings_;
   bool refuses_intensity_ = false, refuses_multi_echo_ = false;
+  std::string problem_, warning_;  // see Status
 
   Step step_ = Step::kOffline;
   std::string command_;  // whose reply is awaited
   Nanoseconds sent_ = 0, deadline_ = kNever, quiet_end_ = 0;
+  Nanoseconds state_deadline_ = kNever;  // of a reply to II while measuring
+  Nanoseconds measuring_since_ = 0;
   int attempts_ = 0, mode_changes_ = 0, restarts_ = 0, probes_ = 0, unanswered_probes_ = 0,
       futile_starts_ = 0, bad_scans_ = 0;
+  int stalls_ = 0;  // in a row, soon after a start
   std::size_t baud_index_ = 0;
   std::deque<Output> output_;
   scip::MessageReader reader_;
   std::uint64_t broken_seen_ = 0;
 
   std::map<std::string, std::string> info_;
+  std::uint64_t informed_ = 0;
   std::optional<HokuyoGeometry> geometry_;
   HokuyoRequest request_;
   HokuyoScan scan_;
@@ -159,7 +176,7 @@ class Hokuyo : public Protocol {
   std::optional<Nanoseconds> last_stamp_;  // of a scan, by the device
   Nanoseconds latency_ = 0;
 
-  HokuyoFaults faults_{};
+  HokuyoFaults faults_{}, good_faults_{};  // now, at the last good scan
   std::uint64_t scans_ = 0;
   bool was_connected_ = false;
 };

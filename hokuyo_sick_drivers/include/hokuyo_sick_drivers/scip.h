@@ -44,6 +44,9 @@ struct KeyValues {
 };
 KeyValues parseKeyValues(const std::vector<std::string_view>& lines, std::size_t first);
 
+/// A status with its meaning where that isn't about the command, e.g. "status 0L (abnormal state)".
+std::string describeStatus(std::string_view status);
+
 /// One reply: echo, status, what else there is.
 struct Message {
   std::vector<std::string_view> lines;

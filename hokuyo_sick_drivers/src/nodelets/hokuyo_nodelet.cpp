@@ -1,28 +1,23 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
-// Publishes the scans of a Hokuyo. The dialogue with the device, and the publishing, happen in the
-// connection's thread; services, reconfiguration and diagnostics ask that thread.
+// Publishes the scans of a Hokuyo.
 #include <hokuyo_sick_drivers/HokuyoConfig.h>
-#include <mapping_common/nodelet.h>
 #include <ros/ros.h>
 #include <sensor_msgs/LaserScan.h>
 #include <sensor_msgs/MultiEchoLaserScan.h>
 #include <std_srvs/Trigger.h>
 
-#include <chrono>
 #include <cmath>
 #include <deque>
-#include <future>
 #include <map>
 #include <memory>
-#include <mutex>
 #include <pluginlib/class_list_macros.hpp>
 #include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "hokuyo_sick_drivers/connection.h"
+#include "device_nodelet.h"
 #include "hokuyo_sick_drivers/hokuyo.h"
 
 namespace hokuyo_sick_drivers {
@@ -31,7 +26,6 @@ namespace {
 const std::vector<int> kBaudRates = {19200, 38400, 57600, 115200, 250000, 500000, 750000};
 constexpr std::size_t kQueueSize = 20;
 constexpr Nanoseconds kSayAgain = 30 * kSecond;
-constexpr std::chrono::seconds kAnswerTimeout(2);
 const ros::WallDuration kStatusTimeout(5.0);
 
 HokuyoSettings toSettings(const HokuyoConfig& config) {
@@ -43,21 +37,6 @@ HokuyoSettings toSettings(const HokuyoConfig& config) {
   settings.intensity = config.publish_intensity;
   settings.multi_echo = config.publish_multiecho;
   return settings;
-}
-
-// ROS time of a time of the steady clock that is a moment ago, ns; 0 or less before simulated time has begun.
-std::int64_t toRosTime(Nanoseconds steady) {
-  Nanoseconds shortest = kNever;
-  std::int64_t time = 0;
-  for (int i = 0; i < 3; ++i) {  // the thread may be put aside between two clocks
-    const Nanoseconds before = Connection::now();
-    const auto now = static_cast<std::int64_t>(ros::Time::now().toNSec());
-    const Nanoseconds after = Connection::now();
-    if (after - before >= shortest) continue;
-    shortest = after - before;
-    time = now - ((before + after) / 2 - steady);
-  }
-  return time;
 }
 
 template <class Message>
@@ -95,9 +74,9 @@ sensor_msgs::MultiEchoLaserScanPtr toMessage(const HokuyoScan& scan, const std_m
 
 }  // namespace
 
-class HokuyoNodelet : public mapping_common::Nodelet {
+class HokuyoNodelet : public DeviceNodelet {
  public:
-  ~HokuyoNodelet() override { endCallbacks(); }
+  ~HokuyoNodelet() override { disconnect(); }
 
  private:
   void start(mapping_common::Parameters& parameters) override;
@@ -106,65 +85,58 @@ class HokuyoNodelet : public mapping_common::Nodelet {
   void publish(const HokuyoScan& scan);
   void say(Hokuyo::Level level, const std::string& text);
 
-  template <class Work>
-  auto ask(Work work);
-  void reconfigure(const HokuyoConfig& config);
   bool updateStatus(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response);
-  void report() override;
+  void reportHere() override;
   void diagnoseDevice(StatusWrapper& status);
   void diagnoseScans(StatusWrapper& status);
 
-  Endpoint endpoint_;
   double tolerance_ = 0.0, window_ = 0.0;  // of the scans' rate
 
   ros::Publisher scan_publisher_, echoes_publisher_;
   std::map<Echo, ros::Publisher> echo_publishers_;
-  std::map<std::string, Nanoseconds> said_;
-
-  std::mutex config_mutex_;
-  HokuyoConfig config_;
   ros::ServiceServer status_service_;
 
-  Hokuyo::Status status_;
-  std::string unreachable_;  // why there is no newer status
+  // Of the connection's thread, once that runs.
+  HokuyoConfig config_;
+  std::map<std::string, Nanoseconds> said_;
+  Hokuyo::Status status_;  // as it is reported
   HokuyoFaults reported_faults_{};
   std::deque<std::pair<ros::WallTime, std::uint64_t>> scan_counts_;
-
   std::unique_ptr<Hokuyo> hokuyo_;
-  std::unique_ptr<Connection> connection_;  // gone first
 };
 
 void HokuyoNodelet::start(mapping_common::Parameters& parameters) {
-  ros::NodeHandle& node = getNodeHandle();
   Hokuyo::Options options;
-  endpoint_ = readParameters(parameters, options);
-  parameters.rejectUnknown();
+  const Endpoint endpoint = readParameters(parameters, options);
+  rejectUnknown(parameters);
 
-  scan_publisher_ = node.advertise<sensor_msgs::LaserScan>("scan", kQueueSize);
-  echoes_publisher_ = node.advertise<sensor_msgs::MultiEchoLaserScan>("echoes", kQueueSize);
-  echo_publishers_[Echo::kFirst] = node.advertise<sensor_msgs::LaserScan>("first", kQueueSize);
-  echo_publishers_[Echo::kLast] = node.advertise<sensor_msgs::LaserScan>("last", kQueueSize);
-  echo_publishers_[Echo::kMostIntense] = node.advertise<sensor_msgs::LaserScan>("most_intense", kQueueSize);
+  scan_publisher_ = getNodeHandle().advertise<sensor_msgs::LaserScan>("scan", kQueueSize);
+  // Beside the nodelet, so that those of several scanners don't mix.
+  ros::NodeHandle& own = getPrivateNodeHandle();
+  echoes_publisher_ = own.advertise<sensor_msgs::MultiEchoLaserScan>("echoes", kQueueSize);
+  echo_publishers_[Echo::kFirst] = own.advertise<sensor_msgs::LaserScan>("first", kQueueSize);
+  echo_publishers_[Echo::kLast] = own.advertise<sensor_msgs::LaserScan>("last", kQueueSize);
+  echo_publishers_[Echo::kMostIntense] = own.advertise<sensor_msgs::LaserScan>("most_intense", kQueueSize);
 
   hokuyo_ = std::make_unique<Hokuyo>(
       options, toSettings(config_),
       Hokuyo::Events{[this](const HokuyoScan& scan) { publish(scan); },
                      [this](Hokuyo::Level level, const std::string& text) { say(level, text); }});
-  using Level = Hokuyo::Level;
-  connection_ = std::make_unique<Connection>(
-      endpoint_, *hokuyo_,
-      Connection::Events{[this] { say(Level::kInfo, "Connected to " + endpoint_.name()); },
-                         [this](const std::string& why) { say(Level::kWarning, "Connection lost: " + why); },
-                         [this](const std::string& why) { say(Level::kWarning, "No connection: " + why); }});
-
-  // As urg_node has them: the parameters themselves.
-  allowReconfiguration<HokuyoConfig>(
-      config_, [this](const HokuyoConfig& config, std::uint32_t) { reconfigure(config); }, "");
-  status_service_ = node.advertiseService("update_laser_status", &HokuyoNodelet::updateStatus, this);
-
-  startDiagnostics(endpoint_.name(),
+  startDiagnostics(endpoint.name(),
                    {{"Hardware Status", [this](StatusWrapper& status) { diagnoseDevice(status); }},
                     {"Scans", [this](StatusWrapper& status) { diagnoseScans(status); }}});
+  const HokuyoConfig config = config_;
+  connect(endpoint, *hokuyo_, {});
+  allowReconfiguration<HokuyoConfig>(
+      config,
+      [this](const HokuyoConfig& changed, std::uint32_t) {
+        ask([this, changed](Nanoseconds now) {
+          hokuyo_->configure(toSettings(changed), now);
+          config_ = changed;
+        });
+      },
+      "");
+  status_service_ = own.advertiseService("update_laser_status", &HokuyoNodelet::updateStatus, this);
 }
 
 Endpoint HokuyoNodelet::readParameters(mapping_common::Parameters& parameters, Hokuyo::Options& options) {
@@ -204,17 +176,10 @@ Endpoint HokuyoNodelet::readParameters(mapping_common::Parameters& parameters, H
 // ------------------------------------------------------------------------------- in the connection's thread
 
 void HokuyoNodelet::publish(const HokuyoScan& scan) {
+  const std::int64_t stamp = toRosTime(scan.stamp, config_.time_offset);
+  if (stamp <= 0) return;
   std_msgs::Header header;
-  std::int64_t stamp = toRosTime(scan.stamp);
-  {
-    const std::lock_guard<std::mutex> lock(config_mutex_);
-    header.frame_id = config_.frame_id;
-    stamp += std::llround(1e9 * config_.time_offset);
-  }
-  if (stamp <= 0) {
-    NODELET_WARN_THROTTLE(10.0, "Scans are dropped until simulated time begins");
-    return;
-  }
+  header.frame_id = config_.frame_id;
   header.stamp.fromNSec(static_cast<std::uint64_t>(stamp));
   if (scan_publisher_.getNumSubscribers() > 0) scan_publisher_.publish(toMessage(scan, Echo::kFirst, header));
   if (echoes_publisher_.getNumSubscribers() > 0) echoes_publisher_.publish(toMessage(scan, header));
@@ -242,78 +207,34 @@ void HokuyoNodelet::say(Hokuyo::Level level, const std::string& text) {
   }
 }
 
-// ------------------------------------------------------------------------------------ in ROS's threads
-
-// What `work` returns, or throws, in the connection's thread.
-template <class Work>
-auto HokuyoNodelet::ask(Work work) {
-  using Task = std::packaged_task<std::invoke_result_t<Work, Nanoseconds>(Nanoseconds)>;
-  const auto task = std::make_shared<Task>(std::move(work));
-  auto answer = task->get_future();
-  connection_->post([task](Nanoseconds now) { (*task)(now); });
-  if (answer.wait_for(kAnswerTimeout) != std::future_status::ready) {
-    throw std::runtime_error("opening " + endpoint_.name() + " takes its time");
-  }
-  return answer.get();
-}
-
-void HokuyoNodelet::reconfigure(const HokuyoConfig& config) {
-  ask([this, settings = toSettings(config)](Nanoseconds now) { hokuyo_->configure(settings, now); });
-  const std::lock_guard<std::mutex> lock(config_mutex_);
-  config_ = config;
-}
-
-bool HokuyoNodelet::updateStatus(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
-  try {
-    ask([this](Nanoseconds now) { hokuyo_->updateStatus(now); });
-    const ros::WallTime end = ros::WallTime::now() + kStatusTimeout;
-    while (ros::ok() && !response.success && ros::WallTime::now() < end) {
-      ros::WallDuration(0.02).sleep();
-      const Hokuyo::Status status = ask([this](Nanoseconds) { return hokuyo_->status(); });
-      const auto state = status.info.find("STAT");
-      response.success = status.measuring && state != status.info.end();
-      response.message = response.success ? state->second : status.activity;
-    }
-  } catch (const std::exception& e) {
-    response.message = e.what();
-  }
-  return true;
-}
-
-void HokuyoNodelet::report() {
-  try {
-    status_ = ask([this](Nanoseconds) { return hokuyo_->status(); });
-    unreachable_.clear();
-  } catch (const std::exception& e) {
-    unreachable_ = e.what();
-  }
+void HokuyoNodelet::reportHere() {
+  status_ = hokuyo_->status();
   const ros::WallTime now = ros::WallTime::now();
   scan_counts_.emplace_back(now, status_.scans);
   while ((now - scan_counts_.front().first).toSec() > window_ + 0.5) scan_counts_.pop_front();
-  Nodelet::report();
+  DeviceNodelet::reportHere();
   reported_faults_ = status_.faults;
 }
 
 void HokuyoNodelet::diagnoseDevice(StatusWrapper& status) {
   using diagnostic_msgs::DiagnosticStatus;
-  std::string faults;
-  for (std::size_t i = 0; i < status_.faults.size(); ++i) {
-    const std::uint64_t count = status_.faults[i] - reported_faults_[i];
-    if (count == 0) continue;
-    if (!faults.empty()) faults += ", ";
-    faults += std::to_string(count) + " " + name(static_cast<HokuyoFault>(i));
-  }
-  if (!unreachable_.empty()) {
-    status.summary(DiagnosticStatus::ERROR, unreachable_);
+  const std::string trouble = status_.trouble(), faults = differences(reported_faults_, status_.faults);
+  if (!portProblem().empty()) {
+    status.summary(DiagnosticStatus::ERROR, "Not connected: " + portProblem());
   } else if (!status_.measuring) {
-    status.summary(DiagnosticStatus::ERROR, "Not measuring: " + status_.activity);
+    status.summary(DiagnosticStatus::ERROR,
+                   "Not measuring: " + (status_.problem.empty() ? status_.activity : status_.problem));
+  } else if (!trouble.empty()) {
+    status.summary(DiagnosticStatus::ERROR, "Measuring, but the device says: " + trouble);
+  } else if (!status_.warning.empty()) {
+    status.summary(DiagnosticStatus::WARN, status_.warning);
   } else if (!faults.empty()) {
     status.summary(DiagnosticStatus::WARN, "Since the last report: " + faults);
   } else {
     status.summary(DiagnosticStatus::OK, "Measuring");
   }
-  status.add("Port", endpoint_.name());
-  if (endpoint_.host.empty()) status.add("Baud rate", status_.baud_rate);
+  status.add("Port", endpoint().name());
+  if (endpoint().host.empty()) status.add("Baud rate", status_.baud_rate);
   const std::vector<std::pair<std::string, std::string>> info = {
       {"Vendor Name", "VEND"},      {"Product Name", "PROD"}, {"Firmware Version", "FIRM"},
       {"Protocol Version", "PROT"}, {"Device ID", "SERI"},    {"Device Status", "STAT"}};
@@ -350,6 +271,30 @@ void HokuyoNodelet::diagnoseScans(StatusWrapper& status) {
   status.add("Scans", status_.scans);
   status.add("Intensities", status_.settings.intensity);
   status.add("Multiple echoes", status_.settings.multi_echo);
+}
+
+// ------------------------------------------------------------------------------------ in ROS's threads
+
+bool HokuyoNodelet::updateStatus(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
+  try {
+    const std::uint64_t before = ask([this](Nanoseconds now) {
+      hokuyo_->updateStatus(now);
+      return hokuyo_->status().informed;
+    });
+    const ros::WallTime end = ros::WallTime::now() + kStatusTimeout;
+    while (ros::ok() && !response.success && ros::WallTime::now() < end) {
+      ros::WallDuration(0.01).sleep();
+      const Hokuyo::Status status = ask([this](Nanoseconds) { return hokuyo_->status(); });
+      const auto state = status.info.find("STAT");
+      response.success = status.informed > before && state != status.info.end();
+      response.message = response.success         ? state->second
+                         : status.problem.empty() ? status.activity
+                                                  : status.problem;
+    }
+  } catch (const std::exception& e) {
+    response.message = e.what();
+  }
+  return true;
 }
 
 }  // namespace hokuyo_sick_drivers

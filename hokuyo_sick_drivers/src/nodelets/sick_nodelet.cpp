@@ -1,10 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
-// Publishes the scans of a SICK LMS 2xx. The driver, publishing and diagnostics live in the connection's
-// thread, so that nothing here needs a lock.
+// Publishes the scans of a SICK LMS 2xx.
 #include <diagnostic_updater/publisher.h>
 #include <hokuyo_sick_drivers/SickConfig.h>
-#include <mapping_common/nodelet.h>
 #include <sensor_msgs/LaserScan.h>
 
 #include <algorithm>
@@ -16,7 +14,7 @@
 #include <string>
 #include <vector>
 
-#include "hokuyo_sick_drivers/connection.h"
+#include "device_nodelet.h"
 #include "hokuyo_sick_drivers/lms2xx.h"
 
 namespace hokuyo_sick_drivers {
@@ -79,20 +77,17 @@ LmsOptions readOptions(Parameters& parameters) {
 
 }  // namespace
 
-class SickNodelet : public mapping_common::Nodelet {
+class SickNodelet : public DeviceNodelet {
  public:
-  ~SickNodelet() override;
+  ~SickNodelet() override { disconnect(); }
 
  private:
   void start(Parameters& parameters) override;
 
   void publish(const lms::Scan& scan);
-  void portRefused(const std::string& why);
-  void report() override;
-  void reportHere();
+  void reportHere() override;
   void diagnose(StatusWrapper& status);
 
-  Endpoint endpoint_;
   std::string frame_id_;
   bool use_rep_117_ = true;
   SickConfig config_;
@@ -102,24 +97,17 @@ class SickNodelet : public mapping_common::Nodelet {
   std::unique_ptr<diagnostic_updater::TopicDiagnostic> scan_diagnostic_;
   double desired_frequency_ = 0.0;
   double min_frequency_ = 0.0, max_frequency_ = 0.0;  // Hz, that the diagnostics expect
-  std::string port_problem_, last_problem_, last_warning_;
-  std::size_t disconnects_ = 0;
+  std::string last_problem_, last_warning_;
   LmsReport::Phase last_phase_ = LmsReport::Phase::kNoPort;
   std::size_t last_faults_ = 0;
   double latency_ = 0.0;  // s, of the last stamp
-
-  std::unique_ptr<Connection> connection_;
 };
-
-SickNodelet::~SickNodelet() {
-  endCallbacks();
-  connection_.reset();  // stops the device
-}
 
 void SickNodelet::start(Parameters& parameters) {
   const LmsOptions options = readOptions(parameters);
-  endpoint_.device = parameters.get<std::string>("port", "/dev/lms200");
-  endpoint_.baud_rate = options.baud_rate;
+  Endpoint endpoint;
+  endpoint.device = parameters.get<std::string>("port", "/dev/lms200");
+  endpoint.baud_rate = options.baud_rate;
   frame_id_ = parameters.get<std::string>("frame_id", "laser");
   use_rep_117_ = parameters.get("use_rep_117", true);
   config_.inverted = parameters.get("inverted", false);
@@ -145,37 +133,22 @@ void SickNodelet::start(Parameters& parameters) {
   Connection::Options times;
   if (options.restore_on_exit) times.stop_timeout = Lms2xx::kRestoreTime;
   lms_ = std::make_unique<Lms2xx>(options, [this](const lms::Scan& scan) { publish(scan); });
-  Connection::Events events;
-  events.connected = [this] { port_problem_.clear(); };
-  events.refused = [this](const std::string& why) { portRefused(why); };
-  events.lost = [this](const std::string& why) {
-    ++disconnects_;
-    portRefused(why);
-  };
-  connection_ = std::make_unique<Connection>(endpoint_, *lms_, events, times);
-
-  allowReconfiguration<SickConfig>(config_, [this](const SickConfig& config, std::uint32_t) {
-    connection_->post([this, config](Nanoseconds) { config_ = config; });
+  const SickConfig config = config_;
+  connect(endpoint, *lms_, times);
+  allowReconfiguration<SickConfig>(config, [this](const SickConfig& changed, std::uint32_t) {
+    post([this, changed](Nanoseconds) { config_ = changed; });
   });
-}
-
-void SickNodelet::report() {
-  connection_->post([this](Nanoseconds) { reportHere(); });
 }
 
 // --------------------------------------------------------------------------------------------------------
 // in the connection's thread
 
 void SickNodelet::publish(const lms::Scan& scan) {
-  const auto message = boost::make_shared<sensor_msgs::LaserScan>();
   latency_ = static_cast<double>(scan.stamp - Connection::now()) / kSecond;
-  const ros::Time now = ros::Time::now();
-  const double before = -(latency_ + config_.time_offset);
-  if (now.toSec() <= before) {
-    NODELET_WARN_THROTTLE(10.0, "Scans are dropped until simulated time begins");
-    return;
-  }
-  message->header.stamp = now - ros::Duration(before);
+  const std::int64_t stamp = toRosTime(scan.stamp, config_.time_offset);
+  if (stamp <= 0) return;
+  const auto message = boost::make_shared<sensor_msgs::LaserScan>();
+  message->header.stamp.fromNSec(static_cast<std::uint64_t>(stamp));
   message->header.frame_id = frame_id_;
   const double side = config_.inverted ? -1.0 : 1.0;
   message->angle_min = static_cast<float>(side * scan.angle_min);
@@ -198,22 +171,17 @@ void SickNodelet::publish(const lms::Scan& scan) {
   scan_diagnostic_->tick(message->header.stamp);
 }
 
-void SickNodelet::portRefused(const std::string& why) {
-  if (why != port_problem_) NODELET_WARN_STREAM(endpoint_.name() << ": " << why << ", trying again");
-  port_problem_ = why;
-}
-
 void SickNodelet::reportHere() {
   const LmsReport& report = lms_->report();
   if (report.problem != last_problem_ && !report.problem.empty()) {
-    NODELET_WARN_STREAM(endpoint_.name() << ": " << report.problem << ", trying again");
+    NODELET_WARN_STREAM(endpoint().name() << ": " << report.problem << ", trying again");
   }
   if (report.warning != last_warning_ && !report.warning.empty()) {
-    NODELET_WARN_STREAM(endpoint_.name() << ": " << report.warning);
+    NODELET_WARN_STREAM(endpoint().name() << ": " << report.warning);
   }
   if (report.phase != last_phase_ && report.phase == LmsReport::Phase::kStreaming) {
-    NODELET_INFO_STREAM(endpoint_.name() << ": " << report.type << " at " << report.baud_rate << " baud, "
-                                         << report.variant.text() << ", " << report.scan_rate << " Hz");
+    NODELET_INFO_STREAM(endpoint().name() << ": " << report.type << " at " << report.baud_rate << " baud, "
+                                          << report.variant.text() << ", " << report.scan_rate << " Hz");
   }
   if (report.beyond_top > 0) {
     NODELET_WARN_ONCE(
@@ -227,7 +195,7 @@ void SickNodelet::reportHere() {
   const double expected = desired_frequency_ > 0.0 ? desired_frequency_ : report.scan_rate;
   min_frequency_ = config_.min_frequency > 0.0 ? config_.min_frequency : expected;
   max_frequency_ = config_.max_frequency > 0.0 ? config_.max_frequency : expected;
-  Nodelet::report();
+  DeviceNodelet::reportHere();
 }
 
 void SickNodelet::diagnose(StatusWrapper& status) {
@@ -241,8 +209,8 @@ void SickNodelet::diagnose(StatusWrapper& status) {
                              dropped(lms::Defect::kUnit) + dropped(lms::Defect::kOtherVariant) +
                              dropped(lms::Defect::kIndex);
   const bool streaming = report.phase == Phase::kStreaming;
-  if (!port_problem_.empty()) {
-    status.summary(DiagnosticStatus::ERROR, "Not connected: " + port_problem_);
+  if (!portProblem().empty()) {
+    status.summary(DiagnosticStatus::ERROR, "Not connected: " + portProblem());
   } else if (!streaming) {
     const std::string doing = report.phase == Phase::kSettingUp ? "Setting up" : "Looking for the device";
     status.summary(DiagnosticStatus::ERROR, report.problem.empty() ? doing : doing + ": " + report.problem);
@@ -260,7 +228,7 @@ void SickNodelet::diagnose(StatusWrapper& status) {
   }
   last_faults_ = faults;
 
-  status.add("Serial Port", endpoint_.device);
+  status.add("Serial Port", endpoint().device);
   status.add("Serial Baud", report.baud_rate);
   status.add("Vendor Name", "SICK");
   status.add("Product Name", report.type);
@@ -291,7 +259,7 @@ void SickNodelet::diagnose(StatusWrapper& status) {
   status.add("Commands refused", report.refused);
   status.add("Scans failed to appear", report.timeouts);
   status.add("Power-ons", report.power_ons);
-  status.add("Disconnects", disconnects_);
+  status.add("Disconnects", disconnects());
   status.add("Configurations written", report.configurations_written);
   status.add("Scans in another unit", report.unit_changes);
   status.add("Ranges of more than 13 bits", report.beyond_top);
