@@ -4,6 +4,7 @@
 #include <dynamic_reconfigure/Reconfigure.h>
 #include <map_msgs/OccupancyGridUpdate.h>
 #include <nav_msgs/OccupancyGrid.h>
+#include <ros/callback_queue.h>
 #include <std_srvs/Empty.h>
 
 #include <cstdio>
@@ -106,6 +107,41 @@ std::map<std::array<int, 2>, int> projection(const OccupancyMap& map) {
   }
   return pixels;
 }
+
+/// False, without a change, if the patch isn't within the grid.
+bool patch(nav_msgs::OccupancyGrid& grid, const map_msgs::OccupancyGridUpdate& update) {
+  if (update.x < 0 || update.y < 0 || update.x + update.width > grid.info.width ||
+      update.y + update.height > grid.info.height)
+    return false;
+  for (std::size_t i = 0; i < update.data.size(); ++i)
+    grid.data[(update.y + i / update.width) * grid.info.width + update.x + i % update.width] = update.data[i];
+  return true;
+}
+
+// As RViz shows a map: of each topic only the last message waits while it draws.
+class SlowDisplay {
+ public:
+  explicit SlowDisplay(ros::NodeHandle node) {
+    node.setCallbackQueue(&queue_);
+    map_ = node.subscribe<nav_msgs::OccupancyGrid>(
+        "projected_map", 1, [this](const nav_msgs::OccupancyGrid::ConstPtr& map) { grid = *map; });
+    updates_ = node.subscribe<map_msgs::OccupancyGridUpdate>(
+        "projected_map_updates", 1, [this](const map_msgs::OccupancyGridUpdate::ConstPtr& update) {
+          if (!grid.data.empty()) inside_ = patch(grid, *update) && inside_;
+        });
+  }
+  /// What has come since the last call. False if a patch was outside of the map.
+  bool draw() {
+    queue_.callAvailable();
+    return inside_;
+  }
+  nav_msgs::OccupancyGrid grid;
+
+ private:
+  ros::CallbackQueue queue_;
+  ros::Subscriber map_, updates_;
+  bool inside_ = true;
+};
 
 TEST_F(MapPublisher, OneWhoComesLateGetsItAll) {
   ASSERT_TRUE(load());
@@ -213,21 +249,34 @@ TEST_F(MapPublisher, ProjectionGrowsAndIsPatched) {
   EXPECT_TRUE(knownPixels(grids.messages[0]).empty());
   buildRoom("here", 0.0, 1);
   ASSERT_EQ(2u, grids.messages.size());  // grown
-  EXPECT_TRUE(updates.messages.empty());
   EXPECT_EQ(projection(reference_), knownPixels(grids.messages[1]));
+  buildRoom("here", 0.0, 2);
+  ASSERT_EQ(3u, grids.messages.size());  // as a whole, because it has just grown
+  EXPECT_TRUE(updates.messages.empty());
+  spinFor(3.0);
 
-  for (unsigned i = 2; i < 5; ++i) buildRoom("here", 0.0, i);
-  EXPECT_EQ(2u, grids.messages.size());
+  for (unsigned i = 3; i < 6; ++i) buildRoom("here", 0.0, i);
+  EXPECT_EQ(3u, grids.messages.size());
   ASSERT_FALSE(updates.messages.empty());
-  nav_msgs::OccupancyGrid grid = grids.messages[1];
+  nav_msgs::OccupancyGrid grid = grids.messages[2];
   for (const auto& update : updates.messages) {
     ASSERT_EQ(std::size_t{update.width} * update.height, update.data.size());
-    for (std::size_t i = 0; i < update.data.size(); ++i) {
-      grid.data.at((update.y + i / update.width) * grid.info.width + update.x + i % update.width) =
-          update.data[i];
-    }
+    ASSERT_TRUE(patch(grid, update));
   }
   EXPECT_EQ(projection(reference_), knownPixels(grid));
+}
+
+TEST_F(MapPublisher, NoPatchOvertakesTheMapItIsFor) {
+  ASSERT_TRUE(load());
+  SlowDisplay display(node_);
+  ASSERT_TRUE(waitFor([&] { return display.draw() && !display.grid.data.empty(); }));
+  buildRoom("here", 0.0, 1);
+  ASSERT_TRUE(display.draw());
+  buildRoom("here", 0.0, 2);
+  buildRoom("there", -64.0, 3);  // Where (0, 0) is in the map's data moves.
+  buildRoom("there", -64.0, 4);
+  EXPECT_TRUE(display.draw());
+  EXPECT_EQ(projection(reference_), knownPixels(display.grid));
 }
 
 TEST_F(MapPublisher, ResetTakesEverythingOffTheDisplay) {

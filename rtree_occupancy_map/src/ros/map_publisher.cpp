@@ -8,6 +8,12 @@ namespace {
 
 using Subscriber = ros::SingleSubscriberPublisher;
 
+// A patch is meant for the projected map's extent, but doesn't say which one that is, and it goes by another
+// topic than the map. To a subscriber that is slower than both, such as RViz while it draws a large map, the
+// order is lost: the next patch lands in the map of before. So for this long after the extent changed, the
+// map is sent as a whole in place of patches.
+constexpr double kWholeMapAfterResize = 3.0;  // s
+
 std::vector<Cell> occupiedCells(const OccupancyMap& map) {
   std::vector<Cell> cells;
   map.visitOccupied([&cells](const Cell& cell) {
@@ -117,10 +123,12 @@ void MapPublisher::publishProjection(const std::vector<Block>& blocks) {
     return;
   }
   map_msgs::OccupancyGridUpdate patch;
-  const bool grown = projected_map_.update(map_, blocks, header(), patch);
-  projection_changed_ = projection_changed_ || patch.width > 0;
-  if (!grown && patch.width > 0) projection_updates_.publish(patch);
-  if (grown || (projection_changed_ && due(last_projection_))) sendProjection();
+  const bool grown = projected_map_.update(map_, blocks, header(), patch), changed = patch.width > 0;
+  if (grown) last_resize_ = ros::WallTime::now();
+  const bool patches = ros::WallTime::now() - last_resize_ >= ros::WallDuration(kWholeMapAfterResize);
+  projection_changed_ = projection_changed_ || changed;
+  if (changed && patches) projection_updates_.publish(patch);
+  if (grown || (changed && !patches) || (projection_changed_ && due(last_projection_))) sendProjection();
 }
 
 void MapPublisher::startProjection() {
@@ -128,7 +136,7 @@ void MapPublisher::startProjection() {
   projected_map_.rebuild(map_, options_.occupancy_min_z, options_.occupancy_max_z, header());
   projection_active_ = true;
   projection_changed_ = false;
-  last_projection_ = ros::WallTime::now();
+  last_projection_ = last_resize_ = ros::WallTime::now();
 }
 
 void MapPublisher::sendCells() {

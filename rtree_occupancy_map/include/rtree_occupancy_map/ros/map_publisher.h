@@ -91,6 +91,7 @@ class MapPublisher {
   bool cells_changed_ = false, projection_changed_ = false;  // since they were sent as a whole
   ros::WallTime last_cells_, last_projection_;               // when they were
   ProjectedMap projected_map_;
+  ros::WallTime last_resize_;  // when its extent became another one
   bool projection_active_ = false;
 };
 
