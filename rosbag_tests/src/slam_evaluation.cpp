@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <intensity_hector_slam/key_poses.h>
 #include <mapping_common/files.h>
+#include <mapping_common/markdown_table.h>
 #include <rosbag_tests/slam_evaluation.h>
 
 #include <Eigen/Cholesky>
@@ -11,6 +12,7 @@
 #include <iomanip>
 #include <map>
 #include <ostream>
+#include <sstream>
 #include <utility>
 
 #include "json.h"
@@ -70,6 +72,12 @@ Color colorOf(const GridMap& map, int x, int y) {
   return map.count(x, y) == 0 ? Color{0, 0, 0} : hue(cell.reflectivity);
 }
 
+// Those that are known; of an empty map one.
+Eigen::AlignedBox2i picturedCells(const GridMap& map) {
+  const Eigen::AlignedBox2i known = map.knownCells();
+  return known.isEmpty() ? Eigen::AlignedBox2i(Eigen::Vector2i(0, 0), Eigen::Vector2i(0, 0)) : known;
+}
+
 struct Summary {
   std::size_t runs = 0, lost = 0, scans = 0, rejected = 0, unobservable = 0;
   std::vector<double> delta_translation, delta_rotation, translation, max_translation, rotation,
@@ -97,6 +105,13 @@ Summary summarize(const std::vector<SlamRun>& runs, const std::string& scenario,
     s.normalized.insert(s.normalized.end(), run.normalized_errors.begin(), run.normalized_errors.end());
   }
   return s;
+}
+
+std::string number(double value, int digits) {
+  if (!std::isfinite(value)) return "-";
+  std::ostringstream out;
+  out << std::fixed << std::setprecision(digits) << value;
+  return out.str();
 }
 
 double shareWithin(const std::vector<double>& values, double limit) {
@@ -147,41 +162,24 @@ void printTable(std::ostream& out, const std::vector<SlamRun>& runs) {
     const std::pair<std::string, intensity_hector_slam::Cost> row(run.scenario, run.cost);
     if (std::find(rows.begin(), rows.end(), row) == rows.end()) rows.push_back(row);
   }
-  out << "| scenario | cost | map lost | delta error (mm) | delta error (deg) | absolute error, mean (m) | "
-         "greatest (m) |"
-         " absolute error, mean (deg) | errors within 1, 2, 3 sigma (%) | rejected (%) | unobservable (%) | "
-         "ms per "
-         "scan |\n"
-         "|---|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|\n";
-  for (const auto& row : rows) {
-    const Summary s = summarize(runs, row.first, row.second);
-    const auto cell = [&](double value, int digits) {
-      out << ' ';
-      if (std::isfinite(value))
-        out << std::fixed << std::setprecision(digits) << value << " |";
-      else
-        out << "- |";
-    };
-    const auto mean = [](const std::vector<double>& values) { return momentsOf(values).mean; };
-    out << "| " << row.first << " | " << toString(row.second) << " | " << s.lost << " of " << s.runs << " |";
-    cell(1e3 * mean(s.delta_translation), 2);
-    cell(kDegrees * mean(s.delta_rotation), 3);
-    cell(mean(s.translation), 3);
-    cell(momentsOf(s.max_translation).max, 3);
-    cell(kDegrees * mean(s.rotation), 3);
-    out << ' ';
+  std::vector<std::vector<std::string>> table = {
+      {"scenario", "cost", "lost", "delta (mm)", "delta (deg)", "error (m)", "greatest (m)", "error (deg)",
+       "1, 2, 3 sigma (%)", "rejected (%)", "unobservable (%)", "ms per scan"}};
+  const auto mean = [](const std::vector<double>& values) { return momentsOf(values).mean; };
+  for (const auto& [scenario, cost] : rows) {
+    const Summary s = summarize(runs, scenario, cost);
+    std::string within;
     for (const double sigmas : {1.0, 2.0, 3.0}) {
-      if (!s.normalized.empty())
-        out << std::setprecision(1) << 100.0 * shareWithin(s.normalized, sigmas);
-      else
-        out << '-';
-      out << (sigmas < 3.0 ? " / " : " |");
+      const double share = s.normalized.empty() ? NAN : shareWithin(s.normalized, sigmas);
+      within += (within.empty() ? "" : " / ") + number(100.0 * share, 1);
     }
-    cell(100.0 * s.rejected / s.scans, 1);
-    cell(100.0 * s.unobservable / s.scans, 1);
-    cell(1e3 * s.seconds / s.scans, 2);
-    out << '\n';
+    table.push_back({scenario, toString(cost), std::to_string(s.lost) + " of " + std::to_string(s.runs),
+                     number(1e3 * mean(s.delta_translation), 2), number(kDegrees * mean(s.delta_rotation), 3),
+                     number(mean(s.translation), 3), number(momentsOf(s.max_translation).max, 3),
+                     number(kDegrees * mean(s.rotation), 3), within, number(100.0 * s.rejected / s.scans, 1),
+                     number(100.0 * s.unobservable / s.scans, 1), number(1e3 * s.seconds / s.scans, 2)});
   }
+  out << mapping_common::markdownTable(table, 2);
 }
 
 std::string runsToJson(const std::vector<SlamRun>& runs) {
@@ -213,36 +211,47 @@ std::string runsToJson(const std::vector<SlamRun>& runs) {
   return jsonArray(objects);
 }
 
-std::string errorsToJson(const SlamRun& run) {
-  return JsonObject().raw("delta", errorsToJson(run.delta)).raw("absolute", errorsToJson(run.absolute)).str();
+std::string runToJson(const SlamRun& run, const GridMap& map) {
+  const Eigen::AlignedBox2i cells = picturedCells(map);
+  const Eigen::Vector2d corner = map.origin() + map.resolution() * cells.min().cast<double>();
+  return JsonObject()
+      .raw("delta", errorsToJson(run.delta))
+      .raw("absolute", errorsToJson(run.absolute))
+      .add("lost_after_s", run.lost_after)
+      .raw("map",
+           JsonObject().add("x", corner.x()).add("y", corner.y()).add("resolution", map.resolution()).str())
+      .str();
 }
 
-void writeMapPicture(const std::string& file, const GridMap& map, const std::vector<TimedPose>& truth,
-                     const std::vector<TimedPose>& estimate) {
-  const Eigen::AlignedBox2i known = map.knownCells();
-  const Eigen::Vector2i min = known.isEmpty() ? Eigen::Vector2i(0, 0) : known.min();
-  const Eigen::Vector2i size =
-      known.isEmpty() ? Eigen::Vector2i(1, 1) : Eigen::Vector2i(known.max() - min + Eigen::Vector2i(1, 1));
-  std::vector<Color> pixels(static_cast<std::size_t>(size.x()) * size.y());
-  const auto pixel = [&](int x, int y) -> Color& {
-    return pixels[static_cast<std::size_t>(size.y() - 1 - y) * size.x() + x];
-  };
-  for (int y = 0; y < size.y(); ++y)
-    for (int x = 0; x < size.x(); ++x) pixel(x, y) = colorOf(map, min.x() + x, min.y() + y);
-  const Eigen::Isometry3d to_map =
-      truth.empty() ? Eigen::Isometry3d::Identity() : truth.front().pose.inverse();
-  const auto draw = [&](const std::vector<TimedPose>& way, const Color& color) {
-    for (const TimedPose& timed : way) {
-      const Eigen::Vector2d point = (to_map * timed.pose).translation().head<2>() - map.origin();
-      const Eigen::Array2i at = (point.array() / map.resolution()).floor().cast<int>() - min.array();
-      if ((at >= 0).all() && (at < size.array()).all()) pixel(at.x(), at.y()) = color;
+void writeMapPicture(const std::string& file, const GridMap& map) {
+  const Eigen::AlignedBox2i cells = picturedCells(map);
+  const Eigen::Vector2i size = cells.sizes() + Eigen::Vector2i(1, 1);
+  std::string pixels;
+  for (int y = cells.max().y(); y >= cells.min().y(); --y) {
+    for (int x = cells.min().x(); x <= cells.max().x(); ++x) {
+      const Color color = colorOf(map, x, y);
+      pixels.append(color.begin(), color.end());
     }
-  };
-  draw(truth, {0, 160, 0});
-  draw(estimate, {220, 0, 220});
+  }
   mapping_common::writeFile(file, [&](std::ostream& out) {
-    out << "P6\n" << size.x() << ' ' << size.y() << "\n255\n";
-    out.write(reinterpret_cast<const char*>(pixels.data()), static_cast<std::streamsize>(3 * pixels.size()));
+    out << "P6\n" << size.x() << ' ' << size.y() << "\n255\n" << pixels;
+  });
+}
+
+void writeSeen(const std::string& file, const SlamRecording& recording) {
+  constexpr std::size_t kPoints = 20000;  // about
+  std::size_t all = 0, at = 0;
+  for (const intensity_hector_slam::Scan& scan : recording.scans) all += scan.points.size();
+  const std::size_t step = std::max<std::size_t>(1, all / kPoints);
+  mapping_common::writeFile(file, [&](std::ostream& out) {
+    out << "x,y\n" << std::fixed << std::setprecision(3);
+    for (std::size_t i = 0; i < recording.scans.size(); ++i) {
+      for (const Eigen::Vector2f& end : recording.scans[i].points) {
+        if (at++ % step != 0) continue;
+        const Eigen::Vector3d seen = recording.truth[i].pose * Eigen::Vector3d(end.x(), end.y(), 0.0);
+        out << seen.x() << ',' << seen.y() << '\n';
+      }
+    }
   });
 }
 

@@ -47,21 +47,27 @@ SlamRun runSlam(const SlamRecording& recording, const intensity_hector_slam::Sla
                 intensity_hector_slam::MultiMap* map = nullptr);
 
 /// A Markdown table with a row for each scenario and cost: in how many runs the map was lost; of those in
-/// which it wasn't, the mean delta error, the mean and greatest absolute error and the share of the
-/// normalized errors within 1, 2 and 3 sigma (68.3, 95.4 and 99.7 % where the covariance is honest); of all,
-/// the share of scans that were rejected or not observable, and the time per scan.
+/// which it wasn't, the mean error from scan to scan (delta), the mean and the greatest error of the poses
+/// and the share of the normalized errors within 1, 2 and 3 sigma (68.3, 95.4 and 99.7 % where the covariance
+/// is honest); of all, the share of scans that were rejected or not observable, and the time per scan.
 void printTable(std::ostream& out, const std::vector<SlamRun>& runs);
 
 /// An array with one object per run, without its poses.
 std::string runsToJson(const std::vector<SlamRun>& runs);
 
-/// The errors of each pose of a run, as trajectory_error --json writes them; for plot_evaluation.py.
-std::string errorsToJson(const SlamRun& run);
+/// What plot_evaluation.py needs of a run and the map at its end: the errors of each pose, as
+/// trajectory_error
+/// --json writes them, when the map was lost (s from the start), and of writeMapPicture() the lower left
+/// corner (m, map frame) and the edge of a pixel (m).
+std::string runToJson(const SlamRun& run, const intensity_hector_slam::GridMap& map);
 
-/// Draws the finest level, north up, cropped to what is known, as a PPM picture: unknown grey, free white,
-/// occupied coloured by reflectivity (hue from blue, dark, to red, bright; black where it isn't known), the
-/// true way green, the estimated one magenta.
-void writeMapPicture(const std::string& file, const intensity_hector_slam::GridMap& map,
-                     const std::vector<TimedPose>& truth, const std::vector<TimedPose>& estimate);
+/// Draws a level of the map, x to the right, y up, cropped to what is known, as a PPM picture: unknown grey,
+/// free white, occupied coloured by reflectivity (hue from blue, dark, to red, bright; black where it isn't
+/// known).
+void writeMapPicture(const std::string& file, const intensity_hector_slam::GridMap& map);
+
+/// Writes what the scanner saw where it truly was: ends of beams, evenly picked, as CSV (m, frame of the
+/// truth).
+void writeSeen(const std::string& file, const SlamRecording& recording);
 
 }  // namespace rosbag_tests
