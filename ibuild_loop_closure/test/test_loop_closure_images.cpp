@@ -48,7 +48,7 @@ class LoopClosureImages : public ::testing::Test {
     std::istringstream in(mapping_common::readFile(dir_.path("out/loops.csv")));
     std::string line;
     std::getline(in, line);
-    EXPECT_EQ("query,match,similarity", line);
+    EXPECT_EQ("query,match,similarity,correct", line);
     std::vector<Loop> loops;
     while (std::getline(in, line)) {
       Loop loop{};
@@ -61,6 +61,22 @@ class LoopClosureImages : public ::testing::Test {
     EXPECT_GE(loops().size(), kWalk / 2u);
     for (const Loop& loop : loops()) EXPECT_NEAR(loop.query - kWalk, loop.match, 4);
   }
+  void expectPictures(const std::vector<std::string>& names) const {
+    for (const std::string& name : names) {
+      EXPECT_FALSE(cv::imread(dir_.path("out/" + name)).empty()) << name;
+    }
+  }
+  // Of a file that was written, with this at their end.
+  int rows(const std::string& name, const std::string& end = "") const {
+    std::istringstream in(mapping_common::readFile(dir_.path("out/" + name)));
+    int rows = 0;
+    for (std::string line; std::getline(in, line);)
+      rows += line.size() >= end.size() && line.compare(line.size() - end.size(), end.size(), end) == 0;
+    return rows;
+  }
+  static bool withFigures() {
+    return std::system("/usr/bin/python3 -c 'import matplotlib' 2> /dev/null") == 0;
+  }
   const mapping_common::TempDir dir_;
   const std::string out_ = " --out " + dir_.path("out");
 };
@@ -70,12 +86,25 @@ TEST_F(LoopClosureImages, FindsTheSecondWalkAndWritesAll) {
                               " --walks 4 --deltas 50 --save " + dir_.path("v") + out_);
   expectTheSecondWalk();
   EXPECT_NE(std::string::npos, log.find("Precision 100.00 %")) << log;
-  for (const char* name : {"similarity.png", "pairs.png", "precision_recall.png"}) {
-    EXPECT_FALSE(cv::imread(dir_.path(std::string("out/") + name)).empty()) << name;
-  }
+  expectPictures({"pairs.png"});
+  if (withFigures()) expectPictures({"similarity.png", "precision_recall.png"});
   for (const char* name : {"out/timing.json", "out/timing.md", "out/precision_recall.csv", "v"}) {
     EXPECT_TRUE(std::filesystem::exists(dir_.path(name))) << name;
   }
+}
+
+TEST_F(LoopClosureImages, WritesTheDataWithoutMatplotlib) {
+  dir_.write("matplotlib.py", "raise ImportError('No module named matplotlib')");
+  setenv("PYTHONPATH", dir_.path().c_str(), 1);
+  const std::string log =
+      run("--images " + folder("a", 0) + " --images " + folder("b", 3) + " --walks 4" + out_);
+  unsetenv("PYTHONPATH");
+  EXPECT_NE(std::string::npos, log.find("install python3-matplotlib")) << log;
+  EXPECT_NE(std::string::npos, log.find("no figures were drawn")) << log;
+  EXPECT_FALSE(std::filesystem::exists(dir_.path("out/similarity.png")));
+  expectTheSecondWalk();
+  EXPECT_EQ(2 * kWalk * (2 * kWalk + 1) / 2 + 1, rows("similarity.csv"));
+  EXPECT_EQ(rows("loops.csv"), 1 + rows("loops.csv", ",1"));  // header, and loops that are right
 }
 
 TEST_F(LoopClosureImages, TakesGroundTruthAsIntervalsOrPoses) {
@@ -88,7 +117,8 @@ TEST_F(LoopClosureImages, TakesGroundTruthAsIntervalsOrPoses) {
   EXPECT_NE(std::string::npos,
             run(images + " --gap 10 --max-distance 4.5 --poses " + dir_.write("p", poses.str()))
                 .find("Precision 100.00 %"));
-  EXPECT_FALSE(cv::imread(dir_.path("out/trajectory.png")).empty());
+  EXPECT_EQ(2 * kWalk + 1, rows("trajectory.csv"));
+  if (withFigures()) expectPictures({"trajectory.png"});
 }
 
 TEST_F(LoopClosureImages, RunsEachMethodAndEstimatesDelta) {

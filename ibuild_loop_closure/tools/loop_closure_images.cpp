@@ -2,6 +2,7 @@
 //
 // Detects the loop closures of a sequence of images and writes what was found: loops, similarities, precision
 // and recall, times, pictures.
+#include <mapping_common/figures.h>
 #include <mapping_common/files.h>
 
 #include <algorithm>
@@ -150,11 +151,47 @@ void writePicture(const std::string& path, const cv::Mat& picture) {
   if (!picture.empty() && !cv::imwrite(path, picture)) throw std::runtime_error(path + " can't be written");
 }
 
-std::string loopsCsv(const Run& run) {
+// Whether a loop is right stays empty where there is no ground truth.
+std::string loopsCsv(const Run& run, const std::optional<GroundTruth>& truth) {
   std::ostringstream out;
-  out << "query,match,similarity\n";
+  out << "query,match,similarity,correct\n";
   for (const Proposal& p : run.proposals) {
-    if (p.accepted) out << p.query << ',' << p.match << ',' << p.similarity << '\n';
+    if (!p.accepted) continue;
+    out << p.query << ',' << p.match << ',' << p.similarity << ',';
+    if (truth) out << truth->isLoop(p.query, p.match);
+    out << '\n';
+  }
+  return out.str();
+}
+
+// The greatest similarity of blocks of images, so that there are at most kRows of them.
+std::string similaritiesCsv(const std::vector<std::vector<double>>& similarities) {
+  constexpr std::size_t kRows = 1000;
+  const std::size_t block = std::max<std::size_t>(1, (similarities.size() + kRows - 1) / kRows);
+  std::ostringstream out;
+  out << "query,match,similarity\n" << std::setprecision(3);
+  for (std::size_t query = 0; query < similarities.size(); query += block) {
+    const std::size_t end = std::min(query + block, similarities.size());
+    std::vector<double> greatest(query / block + 1, 0.0);
+    for (std::size_t i = query; i < end; ++i) {
+      for (std::size_t j = 0; j < similarities[i].size(); ++j)
+        greatest[j / block] = std::max(greatest[j / block], similarities[i][j]);
+    }
+    for (std::size_t j = 0; j < greatest.size(); ++j)
+      out << query << ',' << j * block << ',' << greatest[j] << '\n';
+  }
+  return out.str();
+}
+
+std::string trajectoryCsv(const std::vector<Eigen::Isometry3d>& poses, const std::vector<int>& lengths) {
+  std::ostringstream out;
+  out << "image,sequence,x,y,z\n";
+  int image = 0;
+  for (std::size_t sequence = 0; sequence < lengths.size(); ++sequence) {
+    for (const int end = image + lengths[sequence]; image < end; ++image) {
+      const Eigen::Vector3d at = poses[image].translation();
+      out << image << ',' << sequence << ',' << at.x() << ',' << at.y() << ',' << at.z() << '\n';
+    }
   }
   return out.str();
 }
@@ -175,15 +212,27 @@ std::string transformsCsv(const Run& run) {
   return out.str();
 }
 
-std::string curveCsv(const std::vector<NamedCurve>& curves) {
+// Precision (0 to 1) over recall (Fig. 4.17).
+struct NamedCurve {
+  std::string name;
+  std::vector<CurvePoint> points;
+};
+
+// At the end the loops that were accepted, without a threshold.
+std::string curveCsv(const std::vector<NamedCurve>& curves, const PrecisionRecall& accepted) {
   std::ostringstream out;
   out << "curve,threshold,detected,correct,precision,recall\n";
+  const auto write = [&out](const PrecisionRecall& at) {
+    out << at.detected << ',' << at.correct << ',' << at.precision() << ',' << at.recall() << '\n';
+  };
   for (const NamedCurve& curve : curves) {
     for (const CurvePoint& p : curve.points) {
-      out << curve.name << ',' << p.threshold << ',' << p.at.detected << ',' << p.at.correct << ','
-          << p.at.precision() << ',' << p.at.recall() << '\n';
+      out << curve.name << ',' << p.threshold << ',';
+      write(p.at);
     }
   }
+  out << "accepted,,";
+  write(accepted);
   return out.str();
 }
 
@@ -225,17 +274,19 @@ cv::Mat pictureOfPairs(const ImageSource& source, const Run& run, const LoopDete
   for (std::size_t k = 0; k < pairs; ++k) {
     const std::size_t i = accepted[k * accepted.size() / pairs];
     const Proposal& p = run.proposals[i];
+    const cv::Mat query = source.image(p.query), match = source.image(p.match);
     std::vector<std::pair<cv::Point2f, cv::Point2f>> points;
     if (run.unreadable == 0 && detector.images() == static_cast<int>(source.size())) {
-      for (const Match& m : run.geometry[i].pairs) {
-        points.emplace_back(detector.view(p.query).features.points[m.a],
-                            detector.view(p.match).features.points[m.b]);
+      const View &q = detector.view(p.query), &m = detector.view(p.match);  // of images that were scaled down
+      for (const Match& pair : run.geometry[i].pairs) {
+        points.emplace_back(q.features.points[pair.a] * (static_cast<float>(query.cols) / q.size.width),
+                            m.features.points[pair.b] * (static_cast<float>(match.cols) / m.size.width));
       }
     }
     std::ostringstream caption;
-    caption << p.match << " and " << p.query << ", similarity " << std::setprecision(2) << p.similarity
-            << ", " << run.geometry[i].inliers << " inliers";
-    pictures.push_back(drawPair(source.image(p.query), source.image(p.match), points, caption.str()));
+    caption << "image " << p.match << " (left) and " << p.query << " (right), similarity "
+            << std::setprecision(2) << p.similarity << ", " << run.geometry[i].inliers << " inliers";
+    pictures.push_back(drawPair(query, match, points, caption.str()));
   }
   return stack(pictures);
 }
@@ -277,7 +328,7 @@ Arguments parse(int argc, char** argv) {
       ("ids", po::value(&a.ids)->default_value("index"), "what the numbers in ground truth and poses are: index (from 0) | names (those in the files' names)")
       ("tolerance", po::value(&a.tolerance)->default_value(0), "images that the intervals are widened by")
       ("walks", po::value(&a.walks), "ground truth for folders that are walks of one route: image i of each is the same place, to within this many images")
-      ("poses", po::value(&a.poses), "camera poses, one a row: 3x4, number and 3x4, 4x4, or time, position, quaternion; for the picture and as ground truth")
+      ("poses", po::value(&a.poses), "camera poses, one a row: 3x4, number and 3x4, 4x4, or time, position, quaternion; for the picture of the trajectory and as ground truth")
       ("max-distance", po::value(&a.max_distance)->default_value(2.0), "poses as ground truth: m")
       ("max-angle", po::value(&a.max_angle)->default_value(45.0), "poses as ground truth: degrees between the optical axes")
       ("gap", po::value(&a.gap)->default_value(50), "poses as ground truth: images that a loop's two are apart at least")
@@ -319,6 +370,29 @@ void setDelta(LoopDetectorOptions& options, int delta) {
   options.delta = delta;
 }
 
+// Precision and recall, with other values of delta, too.
+std::string measure(const Arguments& a, const ImageSource& source, const LoopDetectorOptions& options,
+                    const Run& run, const GroundTruth& truth) {
+  const PrecisionRecall accepted = evaluate(run.proposals, truth);
+  report("Operating point", accepted);
+  std::vector<NamedCurve> curves = {
+      {"delta " + std::to_string(options.delta), precisionRecallCurve(run.proposals, truth)}};
+  for (const std::string& delta : a.deltas) {
+    LoopDetectorOptions other = options;
+    setDelta(other, std::stoi(delta));
+    LoopDetector another(other);
+    curves.push_back(
+        {"delta " + delta,
+         precisionRecallCurve(detect(source, another, a, "delta " + delta + ", image").proposals, truth)});
+  }
+  for (const NamedCurve& curve : curves) {
+    const auto best = bestAtFullPrecision(curve.points);
+    report(curve.name + ", best threshold at full precision",
+           best ? best->at : PrecisionRecall{0, 0, truth.loops()});
+  }
+  return curveCsv(curves, accepted);
+}
+
 void run(const Arguments& a) {
   cv::setNumThreads(a.threads);
   const auto source = a.bag.empty() ? openFolders(a.images, a.right)
@@ -341,13 +415,13 @@ void run(const Arguments& a) {
   if (!a.load.empty()) detector.load(a.load);
   const Run result = detect(*source, detector, a, "image");
 
-  writeText(a.out + "/loops.csv", loopsCsv(result));
+  writeText(a.out + "/loops.csv", loopsCsv(result, truth));
   if (!a.right.empty()) writeText(a.out + "/transforms.csv", transformsCsv(result));
   writeText(a.out + "/timing.md", timingTable(result));
   writeText(a.out + "/timing.json", timingJson(result));
-  writePicture(a.out + "/similarity.png", drawSimilarities(result.similarities));
+  writeText(a.out + "/similarity.csv", similaritiesCsv(result.similarities));
+  if (!poses.empty()) writeText(a.out + "/trajectory.csv", trajectoryCsv(poses, source->lengths()));
   writePicture(a.out + "/pairs.png", pictureOfPairs(*source, result, detector, a.pairs));
-  if (!poses.empty()) writePicture(a.out + "/trajectory.png", drawTrajectory(poses, result.proposals));
   if (!a.save.empty()) detector.save(a.save);
 
   const auto accepted = std::count_if(result.proposals.begin(), result.proposals.end(),
@@ -355,27 +429,8 @@ void run(const Arguments& a) {
   std::cout << source->size() << " images, " << result.words << " words, " << accepted << " loops accepted, "
             << std::setprecision(3) << result.total.mean() << " ms per image\n";
   if (result.unreadable > 0) std::cout << result.unreadable << " images could not be read\n";
-  if (!truth) return;
-
-  report("Operating point", evaluate(result.proposals, *truth));
-  std::vector<NamedCurve> curves = {
-      {"delta " + std::to_string(options.delta), precisionRecallCurve(result.proposals, *truth)}};
-  for (const std::string& delta : a.deltas) {
-    LoopDetectorOptions other = options;
-    setDelta(other, std::stoi(delta));
-    LoopDetector another(other);
-    curves.push_back(
-        {"delta " + delta,
-         precisionRecallCurve(detect(*source, another, a, "delta " + delta + ", image").proposals, *truth)});
-  }
-  for (NamedCurve& curve : curves) {
-    const auto best = bestAtFullPrecision(curve.points);
-    report(curve.name + ", best threshold at full precision",
-           best ? best->at : PrecisionRecall{0, 0, truth->loops()});
-    if (best) curve.name += cv::format(": %.1f %% at full precision", 100.0 * best->at.recall());
-  }
-  writeText(a.out + "/precision_recall.csv", curveCsv(curves));
-  writePicture(a.out + "/precision_recall.png", drawCurves(curves));
+  if (truth) writeText(a.out + "/precision_recall.csv", measure(a, *source, options, result, *truth));
+  mapping_common::drawFigures("loop_closure_images", "plot_loops.py", {a.out});
 }
 
 }  // namespace

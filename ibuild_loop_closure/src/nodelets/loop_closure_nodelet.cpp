@@ -21,6 +21,7 @@
 #include <algorithm>
 #include <array>
 #include <functional>
+#include <iomanip>
 #include <memory>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
@@ -311,7 +312,8 @@ void LoopClosureNodelet::publish(const Loop& loop, const std_msgs::Header& heade
     }
   }
   std::ostringstream caption;
-  caption << loop.match << " and " << loop.query << ", similarity " << loop.similarity;
+  caption << "image " << loop.match << " (left) and " << loop.query << " (right), similarity "
+          << std::setprecision(2) << loop.similarity;
   debug_images_.publish(
       cv_bridge::CvImage(header, "bgr8", drawPair(query, match, points, caption.str())).toImageMsg());
 }
