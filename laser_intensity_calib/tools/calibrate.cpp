@@ -4,9 +4,8 @@
 #include <laser_intensity_calib/calibration_file.h>
 #include <laser_intensity_calib/ros/bag_samples.h>
 #include <laser_intensity_calib/ros/report.h>
+#include <mapping_common/figures.h>
 #include <ros/init.h>
-#include <spawn.h>
-#include <sys/wait.h>
 
 #include <algorithm>
 #include <boost/date_time/posix_time/posix_time.hpp>
@@ -92,8 +91,8 @@ bool parse(const std::vector<std::string>& words, Arguments& a) {
       "topic", po::value(&a.samples.topic)->required(), "LaserScan or PointCloud2 with intensities")(
       "out", po::value(&a.out)->required(), "calibration to write")("report", po::value(&a.report),
                                                                     "folder for figures and their data")(
-      "scanner", po::value(&a.scanner)->default_value("unnamed"), "its name, for the file")(
-      "reference", po::value(&a.reference)->default_value("white paper"), "the surface's name, for the file")(
+      "scanner", po::value(&a.scanner), "its name, for file and figures; by default bag and topic")(
+      "reference", po::value(&a.reference)->default_value("white paper"), "the surface's name, for the same")(
       "step", with_default(&a.samples.step), "use each N-th message");
   region.add_options()("beams", po::value(&beams), "FIRST:LAST beam of a scan that is on it")(
       "box", po::value(&box), "XMIN,YMIN,ZMIN,XMAX,YMAX,ZMAX it is in, m")(
@@ -197,24 +196,6 @@ void checkIntensities(const std::vector<Sample>& samples) {
   }
 }
 
-// The script is installed beside this program.
-void draw(const Arguments& a) {
-  const std::string script =
-      (std::filesystem::read_symlink("/proc/self/exe").parent_path() / "plot_calibration.py").string();
-  std::vector<std::string> words = {"python3", script, a.out, a.report};
-  std::vector<char*> arguments;
-  for (std::string& word : words) arguments.push_back(&word[0]);
-  arguments.push_back(nullptr);
-  const char* python = std::filesystem::exists("/usr/bin/python3") ? "/usr/bin/python3" : "python3";
-  pid_t child;
-  int status = 1;
-  const bool started = posix_spawnp(&child, python, nullptr, nullptr, arguments.data(), environ) == 0;
-  if (started) waitpid(child, &status, 0);
-  if (status == 0) return;
-  std::cerr << "calibrate: no figures were drawn (python3-matplotlib, python3-yaml?); try " << script << ' '
-            << a.out << ' ' << a.report << '\n';
-}
-
 Calibration fit(const Arguments& a, const std::vector<Sample>& samples, std::vector<std::string>& problems) {
   try {
     return calibrate(samples, a.fit, &problems, [](double share) { showProgress("fitting", share); });
@@ -248,11 +229,11 @@ void run(const Arguments& a) {
   std::vector<std::string> problems;
   Calibration calibration = fit(a, samples, problems);
   std::cerr << '\n';
-  calibration.scanner = a.scanner;
   calibration.reference = a.reference;
   calibration.date =
       boost::posix_time::to_iso_extended_string(boost::posix_time::second_clock::universal_time()) + "Z";
   calibration.source = std::filesystem::path(a.bag).filename().string() + ' ' + a.samples.topic;
+  calibration.scanner = a.scanner.empty() ? "scanner of " + calibration.source : a.scanner;
   saveCalibration(calibration, a.out);
 
   Coverage coverage;
@@ -262,7 +243,7 @@ void run(const Arguments& a) {
   std::cout << describe(calibration, coverage);
   if (!a.report.empty()) {
     writeReport(a.report, samples, calibration, a.fit);
-    draw(a);
+    mapping_common::drawFigures("calibrate", "plot_calibration.py", {a.out, a.report});
   }
   std::cerr << "calibrate: wrote " << a.out << '\n';
 }
