@@ -1,13 +1,20 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Plots what compare_octomap measured as the thesis's Fig. 2.9 (beam model) and 2.10 (beam-end point model)."""
+"""Draws what compare_octomap --json has measured, as scripts/bench calls it, as the thesis's Fig. 2.9 (beam model) and 2.10
+(beam-end point model), with tables in Markdown beside the pictures."""
+import argparse
 import json
 import pathlib
 import sys
 
-import matplotlib
-matplotlib.use('Agg')
-from matplotlib import pyplot  # noqa: E402
+try:
+    import matplotlib
+    matplotlib.use('Agg')
+    from matplotlib import pyplot
+except ImportError as error:
+    missing = error  # said after --help
+else:
+    missing = None
 
 FIGURES = {'beam': ('fig_2_9.png', 'Beam-based model (Fig. 2.9)'),
            'endpoint': ('fig_2_10.png', 'Beam-end point model (Fig. 2.10)')}
@@ -27,7 +34,7 @@ def curves(runs, key):
         # The node size doesn't change the number of cells.
         if key == 'cells' and first['max_entries'] != runs[0]['rtree_occupancy_maps'][0]['max_entries']:
             continue
-        name = 'R-tree, %s' % first['fusion'] + ('' if key == 'cells' else ', M %d' % first['max_entries'])
+        name = 'R-tree, %s, ' % first['fusion'] + ('any M' if key == 'cells' else 'M %d' % first['max_entries'])
         named[name] = [r['rtree_occupancy_maps'][i]['figures'][key] for r in runs]
     return named
 
@@ -45,35 +52,60 @@ def table(out, runs):
             out.write('\n')
 
 
+def style(name, names):
+    """Colour, line and marker of a curve: its own, and that of the same map in each panel."""
+    rest = {'OctoMap, pruned': ('black', '--', 's'), 'OctoMap, without compression': ('0.45', '--', 'D'),
+            'full 3D grid': ('0.65', ':', 'v')}
+    if name in rest:
+        return rest[name]
+    thesis = 'thesis' in name
+    alike = [other for other in names if other.startswith('R-tree') and ('thesis' in other) == thesis]
+    shade = 0.35 + 0.6 * (alike.index(name) + 1) / len(alike)
+    return pyplot.get_cmap('Oranges' if thesis else 'Blues')(shade), '-', '^' if thesis else 'o'
+
+
 def plot(path, title, runs):
-    figure, axes = pyplot.subplots(2, 2, figsize=(12, 9))
+    figure, axes = pyplot.subplots(2, 2, figsize=(13, 8.5))
     resolutions = [r['resolution'] for r in runs]
+    handles = {}
     for axis, (key, label, scale) in zip(axes.flat, PANELS):
-        for name, values in curves(runs, key).items():
-            octomap = not name.startswith('R-tree')
-            axis.semilogy(resolutions, [scale * v for v in values], '--' if octomap else '-',
-                          marker='s' if octomap else '^' if 'thesis' in name else 'o', markersize=4, label=name)
-        axis.set_xlabel('resolution (m)')
-        axis.set_ylabel(label)
-        axis.grid(True, which='both', alpha=0.3)
-        axis.legend(fontsize=6)
-    figure.suptitle('%s, %d scans, %.1f million points' % (title, runs[0]['scans'], 1e-6 * runs[0]['points']))
-    figure.tight_layout()
-    figure.savefig(path, dpi=110)
+        named = curves(runs, key)
+        for name, values in named.items():
+            color, line, marker = style(name, list(named))
+            handles[name], = axis.semilogy(resolutions, [scale * v for v in values], line, color=color, marker=marker,
+                                           markersize=5)
+        axis.set(xlabel='resolution (m)', ylabel=label, xticks=resolutions)
+        axis.grid(True, which='major', alpha=0.4)
+    figure.suptitle('%s: R-tree map and OctoMap, %d scans, %.1f million points' %
+                    (title, runs[0]['scans'], 1e-6 * runs[0]['points']))
+    figure.legend(handles.values(), handles.keys(), loc='center right')
+    figure.tight_layout(rect=(0, 0, 0.79, 0.97))
+    figure.savefig(str(path), dpi=90)
+    pyplot.close(figure)
 
 
 def main():
-    folder = pathlib.Path(sys.argv[1])
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('folder', type=pathlib.Path, help='with MODEL-RESOLUTION.json, MODEL: beam or endpoint')
+    folder = parser.parse_args().folder
+    drawn = False
     for model, (picture, title) in FIGURES.items():
         runs = sorted((json.loads(f.read_text()) for f in folder.glob(model + '-*.json')), key=lambda r: r['resolution'])
         if not runs:
             continue
-        plot(folder / picture, title, runs)
+        drawn = True
         tables = folder / picture.replace('.png', '.md')
         with tables.open('w') as out:
             out.write('# %s\n\n%d scans, %d points\n' % (title, runs[0]['scans'], runs[0]['points']))
             table(out, runs)
-        print('%s, %s' % (folder / picture, tables))
+        print(tables)
+        if not missing:
+            plot(folder / picture, title, runs)
+            print(folder / picture)
+    if not drawn:
+        sys.exit('plot_bench.py: %s has no MODEL-RESOLUTION.json: is it out/bench, which scripts/bench has written?' % folder)
+    if missing:
+        sys.exit('plot_bench.py: tables alone, %s: install python3-matplotlib' % missing)
 
 
 if __name__ == '__main__':
