@@ -108,6 +108,14 @@ class LaunchFilesTest(unittest.TestCase):
                          node_of_type(config, 'static_transform_publisher').args)
         self.assertIn(['scan', 'scan_reflectivity'], next(n for n in config.nodes if n.name == 'slam').remap_args)
 
+    def test_robot_with_and_without_odometry(self):
+        for arguments_, slam, loops in (([], 'base_link', 'map'), (['odom_frame:=odom'], 'odom', 'odom'),
+                                        (['odom_frame:=odom', 'robot:=bob'], 'bob/odom', 'bob/odom')):
+            params = load(find('robot.launch'), 'loop_closure:=true', *arguments_).params
+            at = '/bob/' if 'robot:=bob' in arguments_ else '/'
+            self.assertEqual(slam, params[at + 'slam/odom_frame'].value)
+            self.assertEqual(loops, params[at + 'loop_closure/fixed_frame'].value)
+
     def test_mapping_arguments(self):
         mapping = find('mapping.launch')
         default = load(mapping)
