@@ -4,6 +4,7 @@
 // and recall, times, pictures.
 #include <mapping_common/figures.h>
 #include <mapping_common/files.h>
+#include <mapping_common/tool.h>
 
 #include <algorithm>
 #include <boost/program_options.hpp>
@@ -308,12 +309,13 @@ std::optional<GroundTruth> groundTruthOf(const Arguments& a, const ImageSource& 
   return {};
 }
 
-Arguments parse(int argc, char** argv) {
-  Arguments a;
-  po::options_description options(
-      "Loop closures of a sequence of images.\n"
-      "  loop_closure_images --images DIR [--images DIR2 ...] --out DIR\n"
-      "  loop_closure_images --bag FILE --image TOPIC --out DIR\nOptions");
+const char kUsage[] =
+    "Loop closures of a sequence of images.\n"
+    "  loop_closure_images --images DIR [--images DIR2 ...] --out DIR\n"
+    "  loop_closure_images --bag FILE --image TOPIC --out DIR\n";
+
+bool parse(int argc, char** argv, Arguments& a) {
+  po::options_description options("Options");
   // clang-format off
   options.add_options()
       ("help,h", "this text")
@@ -345,8 +347,8 @@ Arguments parse(int argc, char** argv) {
   po::variables_map values;
   po::store(po::parse_command_line(argc, argv, options), values);
   if (values.count("help") > 0) {
-    std::cout << options;
-    std::exit(0);
+    std::cout << kUsage << options;
+    return false;
   }
   po::notify(values);
   const std::vector<std::string> methods = {"full", "thesis", "thesis+grouping", "thesis+geometry"};
@@ -362,7 +364,7 @@ Arguments parse(int argc, char** argv) {
                                 " numbers, expected are four: fx fy cx cy");
   if (!a.right.empty() && (a.camera.empty() || !(a.baseline > 0.0)))
     throw std::invalid_argument("--right needs --camera, and --baseline greater than 0");
-  return a;
+  return true;
 }
 
 void setDelta(LoopDetectorOptions& options, int delta) {
@@ -437,11 +439,6 @@ void run(const Arguments& a) {
 }  // namespace ibuild_loop_closure
 
 int main(int argc, char** argv) {
-  try {
-    ibuild_loop_closure::run(ibuild_loop_closure::parse(argc, argv));
-    return 0;
-  } catch (const std::exception& e) {
-    std::cerr << "loop_closure_images: " << e.what() << '\n';
-    return 1;
-  }
+  using namespace ibuild_loop_closure;
+  return mapping_common::runTool(argc, argv, "loop_closure_images", kUsage, parse, run);
 }

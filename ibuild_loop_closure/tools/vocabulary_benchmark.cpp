@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
 // How look-up, recall, insertion and file scale with the size of a vocabulary, on synthetic words.
+#include <mapping_common/tool.h>
+
 #include <algorithm>
 #include <boost/program_options.hpp>
 #include <ctime>
@@ -63,46 +65,53 @@ void report(const Vocabulary& vocabulary, const LinearIndex& exact, const std::v
             << 1e-3 * steps.update / images << " |" << std::endl;
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
-  namespace po = boost::program_options;
-  std::size_t most = 0, words_per_image = 0, old_percent = 0;
-  unsigned seed = 0;
-  int numbers = 0;
-  std::string out;
+struct Arguments {
+  std::size_t most = 1000000, words_per_image = 150, old_percent = 33;
+  unsigned seed = 1;
+  int numbers = 16;
+  std::string file = "/tmp/benchmark.vocabulary";
   IndexOptions index;
-  po::options_description options("Time and recall over the size of the vocabulary.\nOptions");
+};
+
+const char kUsage[] =
+    "Usage: vocabulary_benchmark [options]\n\nTime and recall over the size of the vocabulary.\n";
+
+bool parse(int argc, char** argv, Arguments& a) {
+  namespace po = boost::program_options;
+  const auto with_default = [](auto* value) { return po::value(value)->default_value(*value); };
+  po::options_description options("Options");
   // clang-format off
   options.add_options()
       ("help,h", "this text")
-      ("words", po::value(&most)->default_value(1000000), "of the largest vocabulary")
-      ("words-per-image", po::value(&words_per_image)->default_value(150), "")
-      ("old", po::value(&old_percent)->default_value(33), "% of an image's words that were seen before")
-      ("numbers", po::value(&numbers)->default_value(16), "that a patch has: more make its words differ more")
-      ("seed", po::value(&seed)->default_value(1), "of the synthetic words")
-      ("links", po::value(&index.links)->default_value(index.links), "of the index")
-      ("insert-breadth", po::value(&index.insert_breadth)->default_value(index.insert_breadth), "of the index")
-      ("search-breadth", po::value(&index.search_breadth)->default_value(index.search_breadth), "of the index")
-      ("file", po::value(&out)->default_value("/tmp/benchmark.vocabulary"), "written, read and removed");
+      ("words", with_default(&a.most), "of the largest vocabulary")
+      ("words-per-image", with_default(&a.words_per_image), "")
+      ("old", with_default(&a.old_percent), "% of an image's words that were seen before")
+      ("numbers", with_default(&a.numbers), "that a patch has: more make its words differ more")
+      ("seed", with_default(&a.seed), "of the synthetic words")
+      ("links", with_default(&a.index.links), "of the index")
+      ("insert-breadth", with_default(&a.index.insert_breadth), "of the index")
+      ("search-breadth", with_default(&a.index.search_breadth), "of the index")
+      ("file", with_default(&a.file), "written, read and removed");
   // clang-format on
   po::variables_map values;
-  try {
-    po::store(po::parse_command_line(argc, argv, options), values);
-    po::notify(values);
-    if (values.count("help") > 0) return std::cout << options, 0;
-    index.validate();
-  } catch (const std::exception& e) {
-    return std::cerr << e.what() << "\n", 2;
+  po::store(po::parse_command_line(argc, argv, options), values);
+  po::notify(values);
+  if (values.count("help") > 0) {
+    std::cout << kUsage << options;
+    return false;
   }
+  a.index.validate();
+  return true;
+}
 
-  SyntheticWords source(seed, numbers);
+void run(const Arguments& a) {
+  SyntheticWords source(a.seed, a.numbers);
   std::vector<SyntheticWords::Patch> seen;
   const auto next = [&] {
-    const bool old = !seen.empty() && source.below(100) < old_percent;
+    const bool old = !seen.empty() && source.below(100) < a.old_percent;
     return old ? source.again(seen[source.below(seen.size())]) : source.patch();
   };
-  Vocabulary vocabulary(kDelta, index);
+  Vocabulary vocabulary(kDelta, a.index);
   LinearIndex exact(true);
   std::cout
       << "| words | images | look-up, there (us) | not there (us) | exact (us) | found (%) | the nearest (%) "
@@ -110,9 +119,9 @@ int main(int argc, char** argv) {
          "insertion (us) | new words of an image | assignment (ms) | similarities (ms) | update (ms) |\n"
          "|---|---|---|---|---|---|---|---|---|---|---|---|\n";
   Steps steps;
-  for (std::size_t milestone = 1000; vocabulary.size() < most;) {
+  for (std::size_t milestone = 1000; vocabulary.size() < a.most;) {
     std::vector<Descriptor> words;
-    for (std::size_t i = 0; i < words_per_image; ++i) {
+    for (std::size_t i = 0; i < a.words_per_image; ++i) {
       const SyntheticWords::Patch patch = next();
       seen.push_back(patch);
       words.push_back(source.word(patch));
@@ -142,13 +151,14 @@ int main(int argc, char** argv) {
     milestone *= 10;
   }
   auto from = std::clock();
-  saveVocabulary(out, {vocabulary.content(), {}});
+  saveVocabulary(a.file, {vocabulary.content(), {}});
   const double save = 1e-3 * microseconds(from);
   from = std::clock();
-  const Vocabulary loaded = Vocabulary::restore(loadVocabulary(out).content);
+  const Vocabulary loaded = Vocabulary::restore(loadVocabulary(a.file).content);
   const double load = 1e-3 * microseconds(from);
-  std::cout << "\nFile of " << loaded.size() << " words, " << std::filesystem::file_size(out) / 1000000
+  std::cout << "\nFile of " << loaded.size() << " words, " << std::filesystem::file_size(a.file) / 1000000
             << " MB: written in " << save << " ms, loaded in " << load << " ms\n";
-  std::filesystem::remove(out);
-  return 0;
+  std::filesystem::remove(a.file);
 }
+
+}  // namespace

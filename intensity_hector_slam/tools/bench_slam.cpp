@@ -2,6 +2,7 @@
 //
 // Time per scan of matching and map update: 1,081 beams in a generated room, or a recording.
 #include <intensity_hector_slam/ros/bag_runner.h>
+#include <mapping_common/tool.h>
 
 #include <algorithm>
 #include <boost/program_options.hpp>
@@ -67,49 +68,52 @@ Times runGenerated(const SlamOptions& options, int scans) {
   return times;
 }
 
+struct Arguments {
+  BagOptions bag;
+  std::string cost, config;
+  int scans = 1000;
+};
+
+const char kUsage[] = "Usage: bench_slam [options]\n\nTime per scan of SLAM, one thread.\n";
+
+bool parse(int argc, char** argv, Arguments& a) {
+  po::options_description all("Options");
+  auto add = all.add_options();
+  add("help,h", "print this");
+  add("scans", po::value(&a.scans)->default_value(a.scans), "number of scans in the generated room");
+  add("bag", po::value(&a.bag.bag), "recording, instead of the generated room");
+  add("scan", po::value(&a.bag.scan_topic)->default_value("scan"), "its topic of scans");
+  add("odom", po::value(&a.bag.odom_frame), "its frame of odometry; without: none is used");
+  add("cost", po::value(&a.cost),
+      "occupancy | reflectivity | combined | auto; by default the configuration's");
+  add("config", po::value(&a.config),
+      "YAML file with the nodelet's parameters; by default 3 levels of 25 mm");
+  po::variables_map values;
+  po::store(po::command_line_parser(argc, argv).options(all).run(), values);
+  po::notify(values);
+  if (values.count("help") > 0) std::cout << kUsage << all;
+  return values.count("help") == 0;
+}
+
+void run(const Arguments& a) {
+  XmlRpc::XmlRpcValue yaml;
+  if (!a.config.empty()) yaml = loadYaml(a.config);
+  if (!a.cost.empty()) yaml["cost"] = a.cost;
+  mapping_common::Parameters reader(yaml);
+  const SlamParameters parameters = readSlamParameters(reader);
+  Times times;
+  if (a.bag.bag.empty()) {
+    times = runGenerated(parameters.slam, a.scans);
+  } else {
+    for (const auto& entry : runBag(a.bag, parameters).entries) times.add(entry.seconds, entry.result);
+  }
+  print("all", times.all);
+  print("matched", times.matched);
+  print("updated", times.updated);
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
-  po::options_description all("bench_slam: time per scan of SLAM, one thread. Options");
-  BagOptions bag;
-  std::string cost, config;
-  int scans = 0;
-  auto add = all.add_options();
-  add("help,h", "print this");
-  add("scans", po::value(&scans)->default_value(1000), "number of scans in the generated room");
-  add("bag", po::value(&bag.bag), "recording, instead of the generated room");
-  add("scan", po::value(&bag.scan_topic)->default_value("scan"), "its topic of scans");
-  add("odom", po::value(&bag.odom_frame), "its frame of odometry; without: none is used");
-  add("cost", po::value(&cost), "occupancy | reflectivity | combined | auto; by default the configuration's");
-  add("config", po::value(&config), "YAML file with the nodelet's parameters; by default 3 levels of 25 mm");
-  try {
-    po::variables_map values;
-    po::store(po::command_line_parser(argc, argv).options(all).run(), values);
-    po::notify(values);
-    if (values.count("help")) {
-      std::cout << all;
-      return 0;
-    }
-    XmlRpc::XmlRpcValue yaml;
-    if (!config.empty()) yaml = loadYaml(config);
-    if (!cost.empty()) yaml["cost"] = cost;
-    mapping_common::Parameters reader(yaml);
-    const SlamParameters parameters = readSlamParameters(reader);
-    Times times;
-    if (bag.bag.empty()) {
-      times = runGenerated(parameters.slam, scans);
-    } else {
-      for (const auto& entry : runBag(bag, parameters).entries) times.add(entry.seconds, entry.result);
-    }
-    print("all", times.all);
-    print("matched", times.matched);
-    print("updated", times.updated);
-    return 0;
-  } catch (const po::error& e) {
-    std::cerr << "bench_slam: " << e.what() << '\n' << all;
-    return 2;
-  } catch (const std::exception& e) {
-    std::cerr << "bench_slam: " << e.what() << '\n';
-    return 1;
-  }
+  return mapping_common::runTool(argc, argv, "bench_slam", kUsage, parse, run);
 }

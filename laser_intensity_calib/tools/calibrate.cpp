@@ -5,7 +5,7 @@
 #include <laser_intensity_calib/ros/bag_samples.h>
 #include <laser_intensity_calib/ros/report.h>
 #include <mapping_common/figures.h>
-#include <ros/init.h>
+#include <mapping_common/tool.h>
 
 #include <algorithm>
 #include <boost/date_time/posix_time/posix_time.hpp>
@@ -78,7 +78,7 @@ void readRegion(const std::string& beams, const std::string& box, Region& region
 }
 
 /// False if help was asked for and printed. Throws po::error or std::invalid_argument for wrong usage.
-bool parse(const std::vector<std::string>& words, Arguments& a) {
+bool parse(int argc, char** argv, Arguments& a) {
   std::string beams, box;
   const auto with_default = [](auto* value) { return po::value(value)->default_value(*value); };
   const auto degrees = [](double* radians) {
@@ -129,7 +129,8 @@ bool parse(const std::vector<std::string>& words, Arguments& a) {
   all.add(main).add(region).add(normals).add(fit);
   po::variables_map values;
   using namespace po::command_line_style;
-  po::store(po::command_line_parser(words).options(all).style(unix_style ^ allow_guessing).run(), values);
+  po::store(po::command_line_parser(argc, argv).options(all).style(unix_style ^ allow_guessing).run(),
+            values);
   if (values.count("help")) {
     std::cout << kUsage << all;
     return false;
@@ -251,17 +252,5 @@ void run(const Arguments& a) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  std::vector<std::string> words;
-  ros::removeROSArgs(argc, argv, words);  // roslaunch adds some
-  Arguments arguments;
-  try {
-    if (parse({words.begin() + 1, words.end()}, arguments)) run(arguments);
-    return 0;
-  } catch (const po::error& e) {
-    std::cerr << "calibrate: " << e.what() << "\n\n" << kUsage << "See calibrate --help\n";
-    return 2;
-  } catch (const std::exception& e) {
-    std::cerr << "\ncalibrate: " << e.what() << '\n';
-    return 1;
-  }
+  return mapping_common::runTool(argc, argv, "calibrate", kUsage, parse, run);
 }

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
-// One short example of each query. Builds a small map of a room of its own, or loads one: queries [FILE.map]
+// One short example of each query, on a small map of a room of its own or on one from a file.
 #include <cmath>
 #include <cstdio>
+#include <exception>
 #include <limits>
+#include <string>
 
 #include "rtree_occupancy_map/occupancy_map.h"
 
@@ -13,7 +15,6 @@ using rtree_occupancy_map::Options;
 using rtree_occupancy_map::RayHit;
 using rtree_occupancy_map::Scan;
 using rtree_occupancy_map::Statistics;
-using rtree_occupancy_map::VoxelState;
 
 namespace {
 
@@ -38,10 +39,7 @@ OccupancyMap mapOfARoom() {
   return map;
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
-  const OccupancyMap map = argc > 1 ? OccupancyMap::load(argv[1]) : mapOfARoom();
+void query(const OccupancyMap& map) {
   const Eigen::Vector3d here(3.0, 2.0, 1.5);
 
   // The cell at a point.
@@ -82,5 +80,24 @@ int main(int argc, char** argv) {
   const Statistics s = map.statistics();
   std::printf("%.2f m^3 occupied, %.2f m^3 free, in %zu cells, %zu nodes, %zu bytes\n", s.occupied_volume,
               s.free_volume, s.cells, s.nodes, s.memory_bytes);
-  return map.stateAt(here) == VoxelState::kFree && hit.result == RayHit::Result::kOccupied ? 0 : 1;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const std::string argument = argc > 1 ? argv[1] : "";
+  if (argc > 2 || (!argument.empty() && argument[0] == '-')) {
+    const bool help = argument == "-h" || argument == "--help";
+    std::fprintf(
+        help ? stdout : stderr,
+        "Usage: queries [FILE.map]\n\nAsks a map all that can be asked: that of a file, or of a room.\n");
+    return help ? 0 : 2;
+  }
+  try {
+    query(argument.empty() ? mapOfARoom() : OccupancyMap::load(argument));
+    return 0;
+  } catch (const std::exception& e) {
+    std::fprintf(stderr, "queries: %s\n", e.what());
+    return 1;
+  }
 }

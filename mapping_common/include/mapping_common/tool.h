@@ -4,9 +4,12 @@
 #include <mapping_common/options.h>
 
 #include <boost/program_options.hpp>
+#include <cstring>
 #include <exception>
 #include <iostream>
+#include <stdexcept>
 #include <string>
+#include <vector>
 
 namespace mapping_common {
 
@@ -29,20 +32,39 @@ void addOption(boost::program_options::options_description& arguments, const std
       option.help().c_str());
 }
 
-/// The main function of a command-line tool.
+/// The main function of a command-line tool. What roslaunch adds to the command line (NAME:=VALUE) is left
+/// out.
+/// @param usage printed where the usage is wrong
 /// @param parse fills the arguments; false where help was asked for and printed; throws
-///   boost::program_options::error for wrong usage
+///   boost::program_options::error or std::invalid_argument for wrong usage
 /// @return 0; 1 where something failed, 2 for wrong usage, both said on standard error
 template <class Arguments>
 int runTool(int argc, char** argv, const std::string& name, const std::string& usage,
             bool (*parse)(int, char**, Arguments&), void (*run)(const Arguments&)) {
-  try {
-    Arguments arguments;
-    if (parse(argc, argv, arguments)) run(arguments);
-    return 0;
-  } catch (const boost::program_options::error& e) {
+  std::vector<char*> words;
+  for (int i = 0; i < argc; ++i) {
+    if (std::strstr(argv[i], ":=") == nullptr) words.push_back(argv[i]);
+  }
+  const auto wrong_usage = [&](const std::exception& e) {
     std::cerr << name << ": " << e.what() << "\n\n" << usage << "See " << name << " --help\n";
     return 2;
+  };
+  Arguments arguments;
+  try {
+    if (!parse(static_cast<int>(words.size()), words.data(), arguments)) return 0;
+  } catch (const boost::program_options::error& e) {
+    return wrong_usage(e);
+  } catch (const std::invalid_argument& e) {
+    return wrong_usage(e);
+  } catch (const std::exception& e) {
+    std::cerr << name << ": " << e.what() << '\n';
+    return 1;
+  }
+  try {
+    run(arguments);
+    return 0;
+  } catch (const boost::program_options::error& e) {
+    return wrong_usage(e);
   } catch (const std::exception& e) {
     std::cerr << '\n' << name << ": " << e.what() << '\n';  // below the progress
     return 1;

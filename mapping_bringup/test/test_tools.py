@@ -1,0 +1,55 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
+#
+# Every program of the packages, as rosrun finds it: --help is answered, wrong usage is 2, a file that isn't there is 1,
+# each with a message, and none ends by a signal or in a traceback.
+import os
+import pathlib
+import subprocess
+import unittest
+
+import catkin.find_in_workspaces
+import rosunit
+
+PACKAGES = ['hokuyo_sick_drivers', 'ibuild_loop_closure', 'intensity_hector_slam', 'laser_intensity_calib',
+            'mapping_common', 'mapping_simulation', 'rosbag_tests', 'rtree_occupancy_map']
+# Without matplotlib, figures can't be drawn, but help can be had: an empty module stands in its place.
+WITHOUT_MATPLOTLIB = str(pathlib.Path(__file__).resolve().parent / 'without_matplotlib')
+
+
+def programs():
+    for package in PACKAGES:
+        for folder in catkin.find_in_workspaces.find_in_workspaces(['libexec'], package):
+            for file in sorted(pathlib.Path(folder).iterdir()):
+                if os.access(str(file), os.X_OK) and file.is_file() and '_test_' not in file.name:
+                    yield package, str(file)
+
+
+def run(*command, **environment):
+    done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True, timeout=60,
+                          stdin=subprocess.DEVNULL, env=dict(os.environ, ROS_MASTER_URI='http://localhost:1', **environment))
+    return done.returncode, done.stdout
+
+
+class ToolsTest(unittest.TestCase):
+
+    def test_there_are_some(self):
+        self.assertGreater(len(list(programs())), 15)
+
+    def check_each(self, arguments, exit_code, expected, **environment):
+        faults = []
+        for package, program in programs():
+            code, text = run(program, *arguments, **environment)
+            if code != exit_code or 'Traceback' in text or expected not in text.lower():
+                faults.append('%s %s: exit %d, "%s"' % (package, program, code, text.strip()[-500:]))
+        self.assertFalse(faults, '\n'.join(faults))
+
+    def test_each_answers_help(self):
+        self.check_each(['--help'], 0, 'usage', PYTHONPATH=WITHOUT_MATPLOTLIB + ':' + os.environ['PYTHONPATH'])
+
+    def test_each_rejects_an_option_that_there_is_not(self):
+        self.check_each(['--no-such-option'], 2, 'no-such-option')
+
+
+if __name__ == '__main__':
+    rosunit.unitrun('mapping_bringup', 'tools', ToolsTest)
