@@ -310,9 +310,9 @@ std::optional<GroundTruth> groundTruthOf(const Arguments& a, const ImageSource& 
 }
 
 const char kUsage[] =
-    "Loop closures of a sequence of images.\n"
-    "  loop_closure_images --images DIR [--images DIR2 ...] --out DIR\n"
-    "  loop_closure_images --bag FILE --image TOPIC --out DIR\n";
+    "Usage: loop_closure_images --images DIR [--images DIR2 ...] --out DIR\n"
+    "       loop_closure_images --bag FILE --image TOPIC --out DIR\n"
+    "\nLoop closures of a sequence of images.\n";
 
 bool parse(int argc, char** argv, Arguments& a) {
   po::options_description options("Options");

@@ -26,9 +26,13 @@ def programs():
 
 
 def run(*command, **environment):
-    done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True, timeout=60,
-                          stdin=subprocess.DEVNULL, env=dict(os.environ, ROS_MASTER_URI='http://localhost:1', **environment))
-    return done.returncode, done.stdout
+    try:
+        done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True,
+                              timeout=60, stdin=subprocess.DEVNULL,
+                              env=dict(os.environ, ROS_MASTER_URI='http://localhost:1', **environment))
+        return done.returncode, done.stdout
+    except subprocess.TimeoutExpired:
+        return -1, 'it went on for more than 60 s'
 
 
 class ToolsTest(unittest.TestCase):
@@ -41,7 +45,7 @@ class ToolsTest(unittest.TestCase):
         for package, program in programs():
             code, text = run(program, *arguments, **environment)
             if code != exit_code or 'Traceback' in text or expected not in text.lower():
-                faults.append('%s %s: exit %d, "%s"' % (package, program, code, text.strip()[-500:]))
+                faults.append('%s %s: exit code %d, "%s"' % (package, program, code, text.strip()[-500:]))
         self.assertFalse(faults, '\n'.join(faults))
 
     def test_each_answers_help(self):
