@@ -162,3 +162,7 @@ void run(const Arguments& a) {
 }
 
 }  // namespace
+
+int main(int argc, char** argv) {
+  return mapping_common::runTool(argc, argv, "vocabulary_benchmark", kUsage, parse, run);
+}
