@@ -129,8 +129,10 @@ int main(int argc, char** argv) {
       return 0;
     }
     if (argc < 2 || argv[1][0] == '-') {
-      std::fputs("bench_zf FILE...\nbench_zf --generate ROWS COLUMNS FILE.ptx|FILE.e57\n", stderr);
-      return 2;
+      const bool help = argc == 2 && std::string(argv[1]) == "--help";
+      std::fputs("Usage: bench_zf FILE...\n       bench_zf --generate ROWS COLUMNS FILE.ptx|FILE.e57\n",
+                 help ? stdout : stderr);
+      return help ? 0 : 2;
     }
     for (int i = 1; i < argc; ++i) hokuyo_sick_drivers::measure(argv[i]);
     return 0;

@@ -78,7 +78,7 @@ class Progress {
 
 po::options_description describe(Arguments& a) {
   po::options_description options(
-      "zf_convert IN OUT.pcd|OUT.bag\n"
+      "Usage: zf_convert IN OUT.pcd|OUT.bag\n"
       "Converts scans of E57, PTX, PTS or ASC files. Several scans become OUT_1.pcd, "
       "OUT_2.pcd ... or messages of one bag.\nOptions");
   options.add_options()("help,h", "this text")                                                       //

@@ -31,7 +31,7 @@ Arguments parse(int argc, char** argv) {
   Arguments a;
   po::options_description options(
       "Renders a camera that goes along a street twice.\n"
-      "  simulate_walks --out DIR\n"
+      "Usage: simulate_walks --out DIR\n"
       "leaves images in DIR/first and DIR/second and the camera's poses in DIR/poses.txt, for\n"
       "  loop_closure_images --images DIR/first --images DIR/second --poses DIR/poses.txt --out "
       "OUT\nOptions");
@@ -186,6 +186,9 @@ int main(int argc, char** argv) {
   try {
     ibuild_loop_closure::run(ibuild_loop_closure::parse(argc, argv));
     return 0;
+  } catch (const boost::program_options::error& e) {
+    std::cerr << "simulate_walks: " << e.what() << ". See simulate_walks --help\n";
+    return 2;
   } catch (const std::exception& e) {
     std::cerr << "simulate_walks: " << e.what() << '\n';
     return 1;
