@@ -116,6 +116,11 @@ class LaunchFilesTest(unittest.TestCase):
             self.assertEqual(slam, params[at + 'slam/odom_frame'].value)
             self.assertEqual(loops, params[at + 'loop_closure/fixed_frame'].value)
 
+    def test_a_calibrated_sick_sends_intensities(self):
+        self.assertEqual('none', load(find('robot.launch'), 'laser:=sick').params['/sick/intensity'].value)
+        calibrated = load(find('robot.launch'), 'laser:=sick', 'calibration:=/nowhere.yaml')
+        self.assertEqual('normalised', calibrated.params['/sick/intensity'].value)
+
     def test_mapping_arguments(self):
         mapping = find('mapping.launch')
         default = load(mapping)
