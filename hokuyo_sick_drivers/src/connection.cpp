@@ -96,6 +96,7 @@ void Connection::run() {
     try {
       port = open();
     } catch (const std::exception& e) {
+      reopening_ = false;
       if (!stop_) events_.refused(e.what());
     }
     if (port.get() >= 0 && serveUntilLost(port.get())) return;
@@ -156,7 +157,8 @@ int Connection::connect(int fd, const SocketAddress& address) {
 bool Connection::serveUntilLost(int fd) {
   std::string why;
   output_.clear();
-  events_.connected();
+  if (!reopening_) events_.connected();
+  reopening_ = false;
   try {
     protocol_.connected(now());
     serve(fd);
@@ -168,7 +170,7 @@ bool Connection::serveUntilLost(int fd) {
     why = "the driver failed";
   }
   protocol_.disconnected(now());
-  events_.lost(why);
+  if (!reopening_) events_.lost(why);
   return false;
 }
 
@@ -212,7 +214,10 @@ void Connection::send(int fd) {
         throw Lost(e.what());
       }
     }
-    if (output.reconnect) throw Lost("the device doesn't answer as it should");
+    if (output.reconnect) {
+      reopening_ = true;
+      throw Lost("to be opened anew");
+    }
     output_.pop_front();
   }
 }

@@ -20,6 +20,15 @@ bool isScan(std::uint8_t code) {
 
 }  // namespace
 
+std::vector<std::pair<std::string, std::size_t>> LmsReport::dropped() const {
+  std::vector<std::pair<std::string, std::size_t>> counts = {
+      {"bad checksum", line.bad_crc}, {"bad length", line.bad_length}, {"cut", line.cut}};
+  constexpr std::array<const char*, lms::kNumDefects> kDefects = {"size", "number of values", "unit",
+                                                                  "other variant", "real-time index"};
+  for (std::size_t i = 0; i < kDefects.size(); ++i) counts.emplace_back(kDefects[i], defects[i]);
+  return counts;
+}
+
 Lms2xx::Lms2xx(const LmsOptions& options, OnScan on_scan) : options_(options), on_scan_(std::move(on_scan)) {
   options.check();
 }
@@ -70,7 +79,7 @@ void Lms2xx::tick(Nanoseconds now) {
       return testRate(now);
     case Step::kStream:
       ++report_.timeouts;
-      return fail("scans fail to appear", now);
+      return fail("scans fail to appear" + droppedSinceGood(), now);
     default:
       return timedOut(now);
   }
@@ -175,12 +184,23 @@ void Lms2xx::handleScan(const lms::Telegram& telegram, Nanoseconds now) {
   report_.status = scan.status;
   report_.real_time_index = scan.real_time_index;
   if (scan.unit != report_.unit) ++report_.unit_changes;
+  good_report_ = report_;
   on_scan_(scan);
 }
 
 std::size_t Lms2xx::damaged() const {
   const auto& counts = parser_.counts();
   return counts.bad_crc + counts.bad_length + counts.cut + counts.skipped;
+}
+
+std::string Lms2xx::droppedSinceGood() const {
+  std::string text;
+  const auto before = good_report_.dropped(), now = report_.dropped();
+  for (std::size_t i = 0; i < now.size(); ++i) {
+    const std::size_t count = now[i].second - before[i].second;
+    if (count > 0) text += (text.empty() ? "; dropped: " : ", ") + std::to_string(count) + ' ' + now[i].first;
+  }
+  return text;
 }
 
 // --------------------------------------------------------------------------------------------------------

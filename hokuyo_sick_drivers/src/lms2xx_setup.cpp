@@ -224,6 +224,7 @@ void Lms2xx::start(Nanoseconds now) {
     return refuse("value " + std::to_string(format.last) + " is asked for, a fast LMS has 181", now);
   }
   decoder_.emplace(format);
+  good_report_ = report_;
   report_.variant = format.variant;
   report_.scan_rate = 1.0 / format.period();
   changeMode(Step::kStart, startCommand(format), now);
@@ -296,7 +297,9 @@ void Lms2xx::answered(const lms::Telegram& telegram, Nanoseconds now) {
 void Lms2xx::modeChanged(int result, Nanoseconds now) {
   if (result != 0) {
     ++report_.refused;
-    return refused(now);
+    return refused(now, result == 1   ? ": wrong password"
+                        : result == 2 ? ": a fault in the device"
+                                      : ": result " + std::to_string(result));
   }
   switch (step_) {
     case Step::kStop:
@@ -320,10 +323,10 @@ void Lms2xx::modeChanged(int result, Nanoseconds now) {
 }
 
 // The device knows the command but won't do it, or doesn't know it.
-void Lms2xx::refused(Nanoseconds now) {
+void Lms2xx::refused(Nanoseconds now, const std::string& why) {
   switch (step_) {
     case Step::kChangeRate:
-      report_.warning = "the device doesn't change to " + std::to_string(next_rate_) + " baud";
+      report_.warning = "the device doesn't change to " + std::to_string(next_rate_) + " baud" + why;
       return stopping_ ? idle() : readType(now);
     case Step::kReadType:
       report_.warning = "the device doesn't tell its type";
@@ -335,9 +338,9 @@ void Lms2xx::refused(Nanoseconds now) {
       configuration_refused_ = true;
       return leaveInstallation(now);
     case Step::kStart:
-      return refuse("the device doesn't accept the command to send scans", now);
+      return refuse("the device doesn't accept the command to send scans" + why, now);
     default:
-      return refuse("the device doesn't accept an ordinary command", now);
+      return refuse("the device doesn't accept an ordinary command" + why, now);
   }
 }
 

@@ -141,6 +141,7 @@ std::size_t MessageReader::consume(std::string_view bytes, Nanoseconds now) {
 
 void MessageReader::endLine(Nanoseconds now) {
   const std::size_t begin = line_ends_.empty() ? 0 : line_ends_.back();
+  if (text_.size() > begin && text_.back() == '\r') text_.pop_back();  // some end lines with CR LF
   const std::string_view line = std::string_view(text_).substr(begin);
   if (line.empty()) {
     if (line_ends_.empty()) return;  // an empty line too many

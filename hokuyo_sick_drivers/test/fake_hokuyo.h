@@ -40,7 +40,7 @@ class FakeHokuyo {
   static bool hasSecondEcho(int step) { return step % 3 == 0; }
 
   // How it is and behaves.
-  bool silent = false, time_mode = false, old_protocol = false;
+  bool silent = false, time_mode = false, old_protocol = false, crlf = false;
   std::set<std::string> refused;                // the first two letters of commands, answered 0E
   std::map<std::string, std::string> statuses;  // of commands by their first two letters
   std::string state = "Sensor works well.";     // STAT
@@ -67,7 +67,9 @@ class FakeHokuyo {
   void say(const std::string& bytes, Nanoseconds now) {
     const Nanoseconds late = jitter > 0 ? std::uniform_int_distribution<Nanoseconds>(0, jitter)(random) : 0;
     const Nanoseconds last = output_.empty() ? 0 : output_.back().first;
-    output_.emplace_back(std::max(last, now + late), bytes);
+    std::string sent;
+    for (const char c : bytes) sent += crlf && c == '\n' ? "\r\n" : std::string(1, c);
+    output_.emplace_back(std::max(last, now + late), sent);
   }
   void input(const std::string& bytes, Nanoseconds now) {
     for (const char c : bytes) {

@@ -39,6 +39,7 @@ struct FakeLms {
   std::string configuration = kFactoryConfiguration;
   Nanoseconds acknowledge_time = 10 * kMillisecond, mode_time = 30 * kMillisecond, write_time = kSecond / 2;
   bool refuses_write = false, refuses_installation = false, off = false, mute = false;
+  char start_result = 0;  ///< of commands to stream
   std::string stream;  ///< the command that started it, empty: on request
   double turn = 1.0 / 75.0;
 
@@ -115,6 +116,7 @@ struct FakeLms {
         if (rates.count(data[0]) > 0) {
           next_rate = rates.at(data[0]);
         } else if (data[0] != '\x25') {
+          if (start_result != 0) return {mode_changed(start_result), mode_time};
           stream = data;
         }
         return {mode_changed(0), mode_time};

@@ -180,7 +180,9 @@ TEST(ConnectionTest, comesBackWhenTheDeviceDoes) {
   }
   const FileDescriptor device(server.accept());
   EXPECT_EQ(readSome(device.get(), 5), "hello");
-  EXPECT_TRUE(log.has("lost: the device closed the connection"));
+  const std::lock_guard<std::mutex> lock(log.mutex);
+  EXPECT_EQ(log.lines,
+            (std::vector<std::string>{"connected", "lost: the device closed the connection", "connected"}));
 }
 
 TEST(ConnectionTest, waitsForADeviceThatIsNotThereYet) {

@@ -101,6 +101,14 @@ TEST(HokuyoStartTest, oldProtocol) {
   EXPECT_GT(dialogue.scans, 40u);
 }
 
+TEST(HokuyoStartTest, linesThatEndWithCrLf) {
+  HokuyoDialogue dialogue;
+  dialogue.device.crlf = true;
+  dialogue.connect();
+  dialogue.run(2.0);
+  EXPECT_GT(dialogue.scans, 40u);
+}
+
 TEST(HokuyoStartTest, errorThatPasses) {
   HokuyoDialogue dialogue;
   dialogue.device.statuses["ME"] = "50";

@@ -154,7 +154,22 @@ TEST_F(Lms2xxFaults, DropsScansOfAnotherVariant) {
   bench_.run(0.3);
   EXPECT_EQ(before, bench_.scans.size());
   EXPECT_GT(bench_.lms.report().defects[static_cast<std::size_t>(lms::Defect::kOtherVariant)], 0u);
+  EXPECT_GE(bench_.runUntil([&] { return !bench_.lms.report().problem.empty(); }, 2.0), 0.0);
+  const std::string problem = bench_.lms.report().problem;
+  EXPECT_EQ(problem.find("scans fail to appear; dropped: "), 0u) << problem;
+  EXPECT_NE(problem.find(" other variant"), std::string::npos) << problem;
+  EXPECT_EQ(problem.find("checksum"), std::string::npos) << problem;
   EXPECT_GE(recovery(5.0), 0.0);
+}
+
+TEST_F(Lms2xxFaults, TellsWhyScansDoNotStart) {
+  bench_.device.start_result = 2;
+  bench_.connect();
+  bench_.run(10.0);
+  EXPECT_EQ(bench_.lms.report().problem,
+            "the device doesn't accept the command to send scans: a fault in the device");
+  bench_.device.start_result = 0;
+  EXPECT_GE(recovery(10.0), 0.0);
 }
 
 // Each kind of fault, many times.

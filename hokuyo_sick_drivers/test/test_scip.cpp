@@ -136,6 +136,19 @@ TEST(MessageReaderTest, cutsTheStreamWhereverItIsCut) {
   }
 }
 
+TEST(MessageReaderTest, linesMayEndWithCrLf) {
+  std::string bytes;
+  for (const char c : kExample) bytes += c == '\n' ? "\r\n" : std::string(1, c);
+  scip::MessageReader reader, expected;
+  std::string_view rest = bytes, expected_rest = kExample;
+  for (int i = 0; i < 2; ++i) {
+    rest.remove_prefix(reader.consume(rest, 0));
+    expected_rest.remove_prefix(expected.consume(expected_rest, 0));
+    ASSERT_TRUE(reader.complete());
+    EXPECT_EQ(reader.message().lines, expected.message().lines);
+  }
+}
+
 TEST(MessageReaderTest, echoBeginsAMessage) {
   scip::MessageReader reader;
   reader.expect("MD0000108001000");

@@ -61,7 +61,8 @@ class Connection {
     Nanoseconds stop_timeout = 2 * kSecond;  ///< that the protocol's shutDown() may take
     std::function<std::vector<SocketAddress>(const Endpoint&)> look_up = lookUp;
   };
-  /// Called in the connection's thread. None may throw.
+  /// Called in the connection's thread. None may throw. That the protocol has the port opened anew is no
+  /// event, as long as it can be.
   struct Events {
     std::function<void()> connected;
     std::function<void(const std::string& why)> lost;     ///< after connected
@@ -106,7 +107,8 @@ class Connection {
 
   std::deque<Protocol::Output> output_;
   std::vector<char> buffer_;
-  bool heard_ = false;  // something, since the port was opened
+  bool heard_ = false;      // something, since the port was opened
+  bool reopening_ = false;  // as the protocol asked for it
 
   FileDescriptor wake_;  // readable when there is work or the end has come
   std::atomic<bool> stop_{false};

@@ -7,6 +7,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "hokuyo_sick_drivers/lms_scan.h"
@@ -65,6 +66,9 @@ struct LmsReport {
   std::size_t power_ons = 0, configurations_written = 0;
   std::size_t unit_changes = 0;  ///< scans in another unit than the configuration says
   std::size_t beyond_top = 0;    ///< ranges greater than 13 bits, perhaps with flags
+
+  /// Telegrams that were dropped, by reason.
+  std::vector<std::pair<std::string, std::size_t>> dropped() const;
 };
 
 /// Drives a SICK LMS 200, 211, 220, 221 or 291 over RS-232 or RS-422.
@@ -142,7 +146,7 @@ class Lms2xx : public Protocol {
   void changeMode(Step step, const std::string& mode, Nanoseconds now);
   void answered(const lms::Telegram& telegram, Nanoseconds now);
   void modeChanged(int result, Nanoseconds now);
-  void refused(Nanoseconds now);
+  void refused(Nanoseconds now, const std::string& why = "");
 
   bool isFast() const { return report_.type.find("S14") != std::string::npos; }
   lms::Variant wantedVariant() const;
@@ -171,13 +175,14 @@ class Lms2xx : public Protocol {
   void flush(Nanoseconds now);
 
   std::size_t damaged() const;
+  std::string droppedSinceGood() const;
 
   const LmsOptions options_;
   const OnScan on_scan_;
   Step step_ = Step::kIdle;
   Nanoseconds deadline_ = kNever;
   std::deque<Output> output_;
-  LmsReport report_;
+  LmsReport report_, good_report_;  // now; at the last scan, or the start
 
   lms::Parser parser_;
   std::size_t heard_ = 0;    // bytes, since the last command

@@ -203,11 +203,8 @@ void SickNodelet::diagnose(StatusWrapper& status) {
   using Phase = LmsReport::Phase;
   const LmsReport& report = lms_->report();
   const lms::Status device(report.status);
-  const auto dropped = [&](lms::Defect defect) { return report.defects[static_cast<std::size_t>(defect)]; };
-  const std::size_t faults = report.line.bad_crc + report.line.bad_length + report.line.cut + report.lost +
-                             dropped(lms::Defect::kSize) + dropped(lms::Defect::kCount) +
-                             dropped(lms::Defect::kUnit) + dropped(lms::Defect::kOtherVariant) +
-                             dropped(lms::Defect::kIndex);
+  std::size_t faults = report.lost;
+  for (const auto& [reason, count] : report.dropped()) faults += count;
   const bool streaming = report.phase == Phase::kStreaming;
   if (!portProblem().empty()) {
     status.summary(DiagnosticStatus::ERROR, "Not connected: " + portProblem());
@@ -215,7 +212,8 @@ void SickNodelet::diagnose(StatusWrapper& status) {
     const std::string doing = report.phase == Phase::kSettingUp ? "Setting up" : "Looking for the device";
     status.summary(DiagnosticStatus::ERROR, report.problem.empty() ? doing : doing + ": " + report.problem);
   } else if (device.severity >= 3) {
-    status.summary(DiagnosticStatus::ERROR, "The device reports an error");
+    status.summaryf(DiagnosticStatus::ERROR, "The device reports %s, status %02Xh",
+                    device.severity == 3 ? "an error" : "a fatal error", report.status);
   } else if (device.pollution || device.severity == 2) {
     status.summary(DiagnosticStatus::WARN,
                    device.pollution ? "The front window is dirty" : "The device reports a warning");
@@ -245,15 +243,8 @@ void SickNodelet::diagnose(StatusWrapper& status) {
   status.addf("Status", "%02Xh", report.status);
   status.add("Scans", report.scans);
   status.add("Scans lost", report.lost);
-  status.add("Dropped: bad checksum", report.line.bad_crc);
-  status.add("Dropped: bad length", report.line.bad_length);
-  status.add("Dropped: cut", report.line.cut);
+  for (const auto& [reason, count] : report.dropped()) status.add("Dropped: " + reason, count);
   status.add("Dropped: bytes", report.line.skipped);
-  status.add("Dropped: size", dropped(lms::Defect::kSize));
-  status.add("Dropped: number of values", dropped(lms::Defect::kCount));
-  status.add("Dropped: unit", dropped(lms::Defect::kUnit));
-  status.add("Dropped: other variant", dropped(lms::Defect::kOtherVariant));
-  status.add("Dropped: real-time index", dropped(lms::Defect::kIndex));
   status.add("Unexpected telegrams", report.unexpected);
   status.add("Commands repeated", report.repeated);
   status.add("Commands refused", report.refused);
