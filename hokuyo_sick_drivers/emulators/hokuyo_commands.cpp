@@ -30,7 +30,7 @@ struct HokuyoDevice::Command {
 void HokuyoDevice::execute(const std::string& line, Nanoseconds now) {
   using M = HokuyoModel;
   using D = HokuyoDevice;
-  static const std::array<Command, 25> kCommands = {{
+  static const std::array<Command, 26> kCommands = {{
       {"VV", 0, &D::version, nullptr},
       {"PP", 0, &D::parameters, nullptr},
       {"II", 0, &D::information, nullptr},
@@ -42,6 +42,7 @@ void HokuyoDevice::execute(const std::string& line, Nanoseconds now) {
       {"RB", 0, &D::restart, &M::scip22},
       {"%SL", 0, &D::sleep, &M::scip22},
       {"SS", 6, &D::bitRate, nullptr},
+      {"$IP", 36, &D::address, &M::ethernet},
       {"CR", 2, &D::motorSpeed, nullptr},
       {"HS", 1, &D::sensitivity, nullptr},
       {"DB", 2, &D::malfunction, nullptr},
@@ -190,6 +191,16 @@ void HokuyoDevice::bitRate(Nanoseconds now) {
   bit_rate_ = rate;
   answer("00", now);
   if (options_.line.baud_rate > 0) changeBaudRate(rate, transmitter_.freeAt());
+}
+
+// Address, netmask and gateway, three digits for each number. They hold from the next start on.
+void HokuyoDevice::address(Nanoseconds now) {
+  if (!isNumber(argument_)) return answer("01", now);
+  for (std::size_t i = 0; i < argument_.size(); i += 3) {
+    if (std::stoi(argument_.substr(i, 3)) > 255) return answer("02", now);
+  }
+  stored_address_ = argument_;
+  answer("00", now);
 }
 
 void HokuyoDevice::motorSpeed(Nanoseconds now) {

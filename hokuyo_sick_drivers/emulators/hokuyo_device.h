@@ -31,6 +31,8 @@ class HokuyoDevice : public Device {
   /// Counter of the device, 24 bits of ms.
   std::uint32_t counter(Nanoseconds now) const;
   bool laserOn() const { return laser_on_; }
+  /// Address, netmask and gateway that $IP has set, as 36 digits; "" before.
+  const std::string& storedAddress() const { return stored_address_; }
 
  private:
   struct Command;
@@ -64,6 +66,7 @@ class HokuyoDevice : public Device {
   void restart(Nanoseconds now);
   void sleep(Nanoseconds now);
   void bitRate(Nanoseconds now);
+  void address(Nanoseconds now);
   void motorSpeed(Nanoseconds now);
   void sensitivity(Nanoseconds now);
   void malfunction(Nanoseconds now);
@@ -85,6 +88,7 @@ class HokuyoDevice : public Device {
 
   std::string input_;                   // the line so far
   std::string line_, code_, argument_;  // of the command at work
+  std::string stored_address_;
 
   bool laser_on_ = false, adjusting_time_ = false, asleep_ = false, sensitive_ = false;
   int malfunction_ = 0, motor_level_ = 0, bit_rate_ = 0;

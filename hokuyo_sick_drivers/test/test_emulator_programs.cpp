@@ -107,6 +107,13 @@ bool eventually(const std::function<bool()>& condition) {
   return false;
 }
 
+// What a tool prints on standard output, and its exit status.
+std::pair<std::string, int> runTool(const std::vector<std::string>& arguments) {
+  Program tool(arguments);
+  std::string text = tool.stop(0);
+  return {text, tool.status()};
+}
+
 sockaddr_in localAddress(int port) {
   sockaddr_in address{};
   address.sin_family = AF_INET;
@@ -322,6 +329,47 @@ TEST(HokuyoEmulator, InjectsEveryFaultThatIsAskedFor) {
   const std::string counts = program.stop();
   for (const Fault fault : faults)
     EXPECT_NE(counts.find("injected " + std::string(faultName(fault)) + " 1\n"), std::string::npos) << counts;
+}
+
+TEST(Tools, GetId) {
+  const int port = freePort();
+  Program emulator({HOKUYO_EMULATOR, "--tcp", std::to_string(port), "--streaming"});
+  ASSERT_TRUE(emulator.isReady());
+  const std::string at = "127.0.0.1:" + std::to_string(port);
+  EXPECT_EQ(runTool({GET_ID, at, "q"}), std::pair(std::string("00902676\n"), 0));
+  EXPECT_EQ(runTool({GET_ID, at}), std::pair("Device at " + at + " has ID 00902676\n", 0));
+  emulator.stop();
+  EXPECT_EQ(runTool({GET_ID, at, "--patience", "0.3"}), std::pair(std::string(), 1));
+  EXPECT_EQ(runTool({GET_ID}), std::pair(std::string(), 2));
+  EXPECT_EQ(runTool({GET_ID, "127.0.0.1:x"}), std::pair(std::string(), 2));
+  EXPECT_EQ(runTool({GET_ID, "--help"}).first.find("Usage: getID"), 0u);
+
+  const TempDir folder;
+  const std::string link = folder.path("port");
+  Program serial({HOKUYO_EMULATOR, "--pty", link});
+  ASSERT_TRUE(serial.isReady());
+  EXPECT_EQ(runTool({GET_ID, link, "q"}), std::pair(std::string("00902676\n"), 0));
+}
+
+TEST(Tools, SetUrgIp) {
+  const int port = freePort();
+  Program emulator({HOKUYO_EMULATOR, "--tcp", std::to_string(port), "--model", "UST-10LX"});
+  ASSERT_TRUE(emulator.isReady());
+  const std::vector<std::string> at = {"--ip", "127.0.0.1", "--port", std::to_string(port)};
+  const auto set = [&](std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), SET_URG_IP);
+    arguments.insert(arguments.end(), at.begin(), at.end());
+    return runTool(arguments);
+  };
+  const auto [text, status] = set({"192.168.0.11", "192.168.0.1"});
+  EXPECT_EQ(status, 0);
+  EXPECT_NE(text.find("has been told the address 192.168.0.11. Switch it off and on."), std::string::npos)
+      << text;
+  EXPECT_EQ(set({"192.168.0.11", "192.168.1.1"}).second, 2);
+  EXPECT_EQ(set({"192.168.0.11"}).second, 2);
+  emulator.stop();
+  EXPECT_EQ(set({"192.168.0.11", "192.168.0.1", "--patience", "0.3"}).second, 1);
+  EXPECT_EQ(runTool({SET_URG_IP, "--help"}).first.find("Usage: set_urg_ip"), 0u);
 }
 
 TEST(Emulators, WrongArguments) {
