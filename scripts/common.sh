@@ -61,10 +61,9 @@ follow() {
   [ ! -t 2 ] || printf '\r\033[K' >&2
 }
 
-# install_missing PACKAGE...: before anything is built
+# install_missing PACKAGE...
 install_missing() {
   local missing=() package sudo=() start=$SECONDS
-  link_packages
   for package in "$@"; do
     dpkg-query -W -f '${Status}' "$package" 2>/dev/null | grep -q 'ok installed' || missing+=("$package")
   done
@@ -101,12 +100,18 @@ link_packages() {
       continue
     fi
     echo "This clone is in the source space of the catkin workspace $dir: build there, with" >&2
-    echo "  cd $dir && catkin_make -DCMAKE_BUILD_TYPE=Release" >&2
+    echo "  scripts/build --packages; cd $dir; catkin_make -DCMAKE_BUILD_TYPE=Release" >&2
     echo "or clone to another place for scripts/${0##*/}." >&2
     exit 1
   done
   find src -xtype l -delete
   for package in */package.xml; do ln -sfn "../${package%/*}" "src/${package%/*}"; done
+}
+
+# prepare PACKAGE...: makes this clone a workspace, for which Debian's PACKAGEs are needed
+prepare() {
+  link_packages
+  install_missing "$@"
 }
 
 # build [--only PACKAGE] [TARGET...]: --only leaves out what PACKAGE doesn't depend on, and tests
