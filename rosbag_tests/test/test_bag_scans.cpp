@@ -3,10 +3,13 @@
 #include <geometry_msgs/TransformStamped.h>
 #include <gtest/gtest.h>
 #include <mapping_common/testing/temp_dir.h>
+#include <mapping_simulation/ros/conversions.h>
+#include <mapping_simulation/ros/simulation_bag.h>
+#include <mapping_simulation/testing/worlds.h>
 #include <nav_msgs/Odometry.h>
-#include <rosbag_tests/bag_scans.h>
-#include <rosbag_tests/conversions.h>
-#include <rosbag_tests/scan_bag_writer.h>
+#include <rosbag_tests/converters/bag_scans.h>
+#include <rosbag_tests/converters/conversions.h>
+#include <rosbag_tests/converters/scan_bag_writer.h>
 #include <rosgraph_msgs/Clock.h>
 #include <std_msgs/String.h>
 #include <tf2_msgs/TFMessage.h>
@@ -17,6 +20,12 @@
 #include <vector>
 
 namespace rosbag_tests {
+
+using mapping_simulation::PosedScan;
+using mapping_simulation::toPointCloud2;
+using mapping_simulation::toPose;
+using mapping_simulation::toTransform;
+
 namespace {
 
 using mapping_common::errorOf;
@@ -365,6 +374,28 @@ TEST(BagScans, LaserScansKeepBeamsWithoutReturn) {
   ASSERT_TRUE(source.next(scan));
   ASSERT_EQ(scan.cloud.size(), 2u);
   EXPECT_FALSE(std::isfinite(scan.cloud[1].x));
+}
+
+TEST(BagScans, HaveThePosesOfASimulation) {
+  using namespace mapping_simulation;
+  const TempDir dir;
+  SensorConfig sensor = loadSensor(configFile("simulator/velodyne_vlp16.yaml"));
+  sensor.columns = 90;
+  sensor.angle_increment = 2 * M_PI / sensor.columns;
+  const std::string world = configFile("worlds/room_8x5.yaml");
+  const Simulation simulation{loadWorld(world), loadTrajectory(world), {sensor}, 0.5, 1};
+  SimulationBagOptions options;
+  options.odometry_noise = {0.05, 0.05};
+  writeSimulationBag(dir.path("a.bag"), simulation, options);
+  BagScansOptions reader;
+  reader.topic = "/velodyne_points";
+  BagScans scans(dir.path("a.bag"), reader);
+  PosedScan scan;
+  int count = 0;
+  for (; scans.next(scan); ++count)
+    EXPECT_TRUE(scan.pose.isApprox(simulation.trajectory.at(scan.stamp - 1000.0) * sensor.mount, 1e-3));
+  EXPECT_EQ(count, 5);
+  EXPECT_EQ(scans.withoutPose(), 0u);
 }
 
 }  // namespace

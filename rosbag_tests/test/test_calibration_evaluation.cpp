@@ -8,8 +8,9 @@
 #include <mapping_common/files.h>
 #include <mapping_common/testing/recordings.h>
 #include <mapping_common/testing/temp_dir.h>
+#include <mapping_simulation/testing/worlds.h>
 #include <rosbag/bag.h>
-#include <rosbag_tests/calibration_evaluation.h>
+#include <rosbag_tests/evaluations/calibration_evaluation.h>
 #include <sensor_msgs/LaserScan.h>
 #include <sys/wait.h>
 
@@ -18,9 +19,15 @@
 #include <random>
 #include <sstream>
 
-#include "simulator_test_utils.h"
-
 namespace rosbag_tests {
+
+using mapping_simulation::configFile;
+using mapping_simulation::loadSensor;
+using mapping_simulation::loadTrajectory;
+using mapping_simulation::loadWorld;
+using mapping_simulation::PosedScan;
+using mapping_simulation::SensorConfig;
+
 namespace {
 
 using laser_intensity_calib::Calibration;
@@ -157,7 +164,8 @@ TEST(Simulated, TheTableTellsThreeSurfacesApart) {
     normals.leaf = 0.05;  // neighbours of several sweeps
     const std::string world = configFile("worlds/calibration_surfaces.yaml");
     const JudgedSurfaces judged =
-        judge(laser_intensity_calib::loadCalibration(configFile("reflectivity_" + scanner + ".yaml")),
+        judge(laser_intensity_calib::loadCalibration(
+                  PACKAGE_DIR "/../laser_intensity_calib/config/reflectivity_" + scanner + ".yaml"),
               simulateSurfaces(loadWorld(world), loadTrajectory(world), sensor, 7, normals));
     ASSERT_EQ(3u, judged.size());
     const auto values = [&](const char* name, ModelType type) {

@@ -2,21 +2,24 @@
 #include <gtest/gtest.h>
 #include <mapping_common/files.h>
 #include <mapping_common/testing/temp_dir.h>
+#include <mapping_simulation/testing/worlds.h>
 #include <nav_msgs/Odometry.h>
 #include <rosbag/bag.h>
 #include <rosbag/view.h>
-#include <rosbag_tests/bag_trajectory.h>
-#include <rosbag_tests/carmen_bag.h>
-#include <rosbag_tests/trajectory_metrics.h>
+#include <rosbag_tests/converters/bag_trajectory.h>
+#include <rosbag_tests/converters/carmen_bag.h>
+#include <rosbag_tests/evaluations/trajectory_metrics.h>
 #include <sensor_msgs/LaserScan.h>
 
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
 
-#include "simulator_test_utils.h"
-
 namespace rosbag_tests {
+
+using mapping_simulation::loadTrajectory;
+using mapping_simulation::Trajectory;
+
 namespace {
 
 using mapping_common::errorOf;

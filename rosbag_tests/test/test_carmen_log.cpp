@@ -2,7 +2,7 @@
 #include <gtest/gtest.h>
 #include <mapping_common/testing/recordings.h>
 #include <mapping_common/testing/temp_dir.h>
-#include <rosbag_tests/carmen_log.h>
+#include <rosbag_tests/converters/carmen_log.h>
 
 #include <boost/iostreams/filter/gzip.hpp>
 #include <boost/iostreams/filtering_stream.hpp>
@@ -10,6 +10,9 @@
 #include <fstream>
 
 namespace rosbag_tests {
+
+using mapping_simulation::PlanarScan;
+
 namespace {
 
 using mapping_common::errorOf;

@@ -3,10 +3,11 @@
 // The map loses nothing: voxel by voxel it has the log odds of OctoMap, however its cells fuse.
 #include <gtest/gtest.h>
 #include <mapping_common/testing/recordings.h>
-#include <rosbag_tests/octomap_comparison.h>
-#include <rosbag_tests/scan_files.h>
-#include <rosbag_tests/simulation_bag.h>
-#include <rosbag_tests/simulator.h>
+#include <mapping_simulation/ros/simulation_bag.h>
+#include <mapping_simulation/simulator.h>
+#include <mapping_simulation/testing/worlds.h>
+#include <rosbag_tests/converters/scan_files.h>
+#include <rosbag_tests/evaluations/octomap_comparison.h>
 #include <sys/wait.h>
 
 #include <boost/property_tree/json_parser.hpp>
@@ -19,10 +20,22 @@
 #include <random>
 #include <sstream>
 
-#include "simulator_test_utils.h"
 #include "voxels.h"
 
 namespace rosbag_tests {
+
+using mapping_common::mentions;
+using mapping_common::TempDir;
+using mapping_simulation::configFile;
+using mapping_simulation::loadSensor;
+using mapping_simulation::loadTrajectory;
+using mapping_simulation::loadWorld;
+using mapping_simulation::PosedScan;
+using mapping_simulation::SensorConfig;
+using mapping_simulation::Simulation;
+using mapping_simulation::Sweep;
+using mapping_simulation::writeSimulationBag;
+
 namespace {
 
 using mapping_common::findRecording;
@@ -277,7 +290,7 @@ TEST(OctomapComparison, RefusesOptionsThatDisagree) {
     first.tree.max_entries = 32;
     EXPECT_NO_THROW(OctomapComparison({first, second}));
     change(second);
-    EXPECT_NO_THROW(second.validate());
+    EXPECT_NO_THROW(mapping_common::validate(second));
     EXPECT_THROW(OctomapComparison({first, second}), std::invalid_argument);
   };
   refuses([](Options& o) { o.resolution = 0.1; });

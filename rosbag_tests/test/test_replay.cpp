@@ -6,12 +6,13 @@
 #include <gtest/gtest.h>
 #include <mapping_common/testing/recordings.h>
 #include <mapping_msgs/SaveMap.h>
+#include <mapping_simulation/ros/simulation_bag.h>
+#include <mapping_simulation/testing/worlds.h>
 #include <nodelet/NodeletLoad.h>
 #include <nodelet/NodeletUnload.h>
 #include <ros/ros.h>
 #include <rosbag/bag.h>
 #include <rosbag/view.h>
-#include <rosbag_tests/simulation_bag.h>
 #include <rosgraph_msgs/Clock.h>
 #include <rosgraph_msgs/Log.h>
 #include <rtree_occupancy_map/CellsInBox.h>
@@ -30,10 +31,19 @@
 #include <string>
 #include <vector>
 
-#include "simulator_test_utils.h"
 #include "voxels.h"
 
 namespace rosbag_tests {
+
+using mapping_common::TempDir;
+using mapping_simulation::configFile;
+using mapping_simulation::loadSensor;
+using mapping_simulation::loadTrajectory;
+using mapping_simulation::loadWorld;
+using mapping_simulation::Simulation;
+using mapping_simulation::SimulationBagOptions;
+using mapping_simulation::writeSimulationBag;
+
 namespace {
 
 using mapping_common::findRecording;

@@ -5,7 +5,7 @@
 #include <octomap/ScanGraph.h>
 #include <pcl/console/print.h>
 #include <pcl/io/pcd_io.h>
-#include <rosbag_tests/scan_files.h>
+#include <rosbag_tests/converters/scan_files.h>
 
 #include <array>
 #include <cmath>
@@ -15,6 +15,9 @@
 #include <vector>
 
 namespace rosbag_tests {
+
+using mapping_simulation::PosedScan;
+
 namespace {
 
 using mapping_common::errorOf;

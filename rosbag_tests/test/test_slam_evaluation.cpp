@@ -4,7 +4,8 @@
 #include <gtest/gtest.h>
 #include <mapping_common/files.h>
 #include <mapping_common/testing/temp_dir.h>
-#include <rosbag_tests/slam_evaluation.h>
+#include <mapping_simulation/testing/worlds.h>
+#include <rosbag_tests/evaluations/slam_evaluation.h>
 #include <sys/wait.h>
 #include <yaml-cpp/yaml.h>
 
@@ -13,9 +14,13 @@
 #include <filesystem>
 #include <sstream>
 
-#include "simulator_test_utils.h"
-
 namespace rosbag_tests {
+
+using mapping_simulation::configFile;
+using mapping_simulation::loadTrajectory;
+using mapping_simulation::TimedPose;
+using mapping_simulation::Trajectory;
+
 namespace {
 
 using intensity_hector_slam::Cost;
@@ -24,7 +29,7 @@ using mapping_common::mentions;
 using mapping_common::TempDir;
 
 SlamScenario scenario(const std::string& name, double duration) {
-  SlamScenario scenario = loadScenario(configFile("slam_evaluation/" + name + ".yaml"));
+  SlamScenario scenario = loadScenario(PACKAGE_DIR "/config/slam_evaluation/" + name + ".yaml");
   scenario.duration = duration;
   return scenario;
 }
@@ -69,7 +74,7 @@ TEST(RandomDrive, SeedDecides) {
 
 TEST(Scenario, AllThatShipLoad) {
   int count = 0;
-  for (const auto& entry : std::filesystem::directory_iterator(configFile("slam_evaluation"))) {
+  for (const auto& entry : std::filesystem::directory_iterator(PACKAGE_DIR "/config/slam_evaluation")) {
     EXPECT_NO_THROW(loadScenario(entry.path().string())) << entry.path();
     ++count;
   }
@@ -280,7 +285,7 @@ TEST(Evaluation, ToolAndPlots) {
     return WEXITSTATUS(std::system((command + " >" + dir.path("log") + " 2>&1").c_str()));
   };
   const std::string tool =
-      EVALUATE_SLAM " " + configFile("slam_evaluation/room.yaml") + " --duration 1 --seeds 1 ";
+      EVALUATE_SLAM " " PACKAGE_DIR "/config/slam_evaluation/room.yaml --duration 1 --seeds 1 ";
   ASSERT_EQ(0, run(tool + "--cost reflectivity combined --out " + dir.path("out")))
       << mapping_common::readFile(dir.path("log"));
   const YAML::Node runs = YAML::LoadFile(dir.path("out/evaluation.json"));

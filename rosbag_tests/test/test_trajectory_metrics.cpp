@@ -1,15 +1,19 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <gtest/gtest.h>
 #include <mapping_common/testing/temp_dir.h>
-#include <rosbag_tests/trajectory_metrics.h>
+#include <mapping_simulation/testing/worlds.h>
+#include <rosbag_tests/evaluations/trajectory_metrics.h>
 #include <yaml-cpp/yaml.h>
 
 #include <cmath>
 #include <sstream>
 
-#include "simulator_test_utils.h"
-
 namespace rosbag_tests {
+
+using mapping_simulation::makePose;
+using mapping_simulation::TimedPose;
+using mapping_simulation::Trajectory;
+
 namespace {
 
 using mapping_common::errorOf;

@@ -6,7 +6,7 @@ rm -f "$out"/street.map "$out"/map.png
 if [ -z "$bag" ]; then
   bag=$out/street.bag cloud=velodyne_points
   echo "Simulating a drive along a street"
-  rosrun rosbag_tests simulate --world config/worlds/street.yaml --sensor config/simulator/velodyne_hdl64e.yaml \
+  rosrun mapping_simulation simulate --world config/worlds/street.yaml --sensor config/simulator/velodyne_hdl64e.yaml \
     --duration $((quick ? 5 : 15)) --seed 1 --out "$bag"
 elif [ -z "$cloud" ]; then
   cloud=$(rosbag info -y -k topics "$bag" | awk '/topic:/ {t = $3} /sensor_msgs\/PointCloud2/ {print t; exit}')

@@ -8,7 +8,7 @@ rosrun rosbag_tests evaluate_slam config/slam_evaluation/room.yaml --first-seed 
 montage "$out"/slam/*.ppm -geometry +4+4 "$out/slam_costs.png"
 
 echo "SLAM live: rosbag -> reflectivities -> map -> RViz"
-rosrun rosbag_tests simulate --world config/worlds/laboratory.yaml --sensor config/simulator/hokuyo_utm30lx.yaml \
+rosrun mapping_simulation simulate --world config/worlds/laboratory.yaml --sensor config/simulator/hokuyo_utm30lx.yaml \
   --no-map-tf --duration $((quick ? 10 : 20)) --seed 1 --out "$out/laboratory.bag"
 screen
 launch slam_bag.launch bag:="$out/laboratory.bag" scan:=scan_reflectivity exit_at_end:=false rviz:=true

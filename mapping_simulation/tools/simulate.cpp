@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// Drives simulated laser scanners through a world and writes what they see as a bag.
+#include <mapping_common/tool.h>
+#include <mapping_simulation/ros/simulation_bag.h>
+
+#include <boost/program_options.hpp>
+#include <cmath>
+#include <iostream>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+namespace po = boost::program_options;
+
+namespace {
+
+const char kUsage[] =
+    "Usage: simulate --world WORLD.yaml --sensor SENSOR.yaml [--sensor ...] --out OUT.bag [options]\n"
+    "\n"
+    "Drives simulated laser scanners through a world and writes a bag: LaserScan or PointCloud2 with\n"
+    "intensities, /tf, /tf_static, /odom, /ground_truth and /clock.\n";
+
+struct Arguments {
+  std::string world, trajectory, out, ground_truth;
+  std::vector<std::string> sensors;
+  double duration = 0.0;
+  std::uint64_t seed = 0;
+  bool no_map_tf = false;
+  mapping_simulation::SimulationBagOptions options;
+};
+
+/// False if help was asked for and printed. Throws po::error for wrong usage.
+bool parse(int argc, char** argv, Arguments& a) {
+  po::options_description all("Options");
+  auto& o = a.options;
+  auto add = all.add_options();
+  add("help,h", "print this");
+  add("world", po::value(&a.world)->required(), "YAML file of the world");
+  add("sensor", po::value(&a.sensors)->required(), "YAML file of a sensor; once for each sensor");
+  add("out", po::value(&a.out)->required(), "bag to write");
+  add("trajectory", po::value(&a.trajectory),
+      "path of base_link: a .tum file, or YAML with the key trajectory; "
+      "by default that of the world file");
+  add("duration", po::value(&a.duration), "s; by default once along the trajectory");
+  add("seed", po::value(&a.seed)->default_value(a.seed), "of all noise; the same seed gives the same bag");
+  add("ground-truth", po::value(&a.ground_truth), "file for the true poses of base_link, in TUM format");
+  add("start", po::value(&o.start_time)->default_value(o.start_time), "ROS time at the start (s)");
+  add("clock-rate", po::value(&o.clock_rate)->default_value(o.clock_rate), "rate of /clock (Hz), 0: none");
+  add("odometry-rate", po::value(&o.odometry_rate)->default_value(o.odometry_rate),
+      "rate of /tf, /odom and /ground_truth (Hz)");
+  add("translation-noise", po::value(&o.odometry_noise.translation)->default_value(0.0, "0"),
+      "drift of the odometry (m per square root of a metre)");
+  add("rotation-noise", po::value(&o.odometry_noise.rotation)->default_value(0.0, "0"),
+      "drift of the odometry (rad per square root of a metre, or of a radian turned)");
+  add("no-map-tf", po::bool_switch(&a.no_map_tf), "leave map -> odom to a SLAM node");
+  po::variables_map values;
+  po::store(po::command_line_parser(argc, argv).options(all).run(), values);
+  if (values.count("help")) {
+    std::cout << kUsage << '\n' << all;
+    return false;
+  }
+  po::notify(values);
+  if (values.count("duration") && !(a.duration > 0.0 && a.duration < 1e7)) {
+    throw po::error("--duration must be in (0, 1e7) s");
+  }
+  if (!(o.odometry_noise.translation >= 0.0 && o.odometry_noise.rotation >= 0.0)) {
+    throw po::error("--translation-noise and --rotation-noise must not be negative");
+  }
+  o.map_to_odom = !a.no_map_tf;
+  return true;
+}
+
+void run(const Arguments& a) {
+  mapping_simulation::Simulation simulation{
+      mapping_simulation::loadWorld(a.world),
+      mapping_simulation::loadTrajectory(a.trajectory.empty() ? a.world : a.trajectory),
+      {},
+      a.duration,
+      a.seed};
+  for (const std::string& sensor : a.sensors)
+    simulation.sensors.push_back(mapping_simulation::loadSensor(sensor));
+  if (!(simulation.duration > 0.0)) {
+    simulation.duration = simulation.trajectory.endTime() - simulation.trajectory.startTime();
+    if (!(simulation.duration > 0.0))
+      throw std::runtime_error("the trajectory has a single pose: give --duration");
+  }
+  int percent = -1;
+  const auto progress = [&](double elapsed) {
+    const int now = static_cast<int>(100.0 * elapsed / simulation.duration + 1e-6);
+    if (now != percent)
+      std::cerr << "\rsimulate: " << now << " % of " << simulation.duration << " s" << std::flush;
+    percent = now;
+  };
+  const std::size_t sweeps = mapping_simulation::writeSimulationBag(a.out, simulation, a.options, progress);
+  if (!a.ground_truth.empty()) {
+    mapping_simulation::writeTum(
+        a.ground_truth,
+        mapping_simulation::groundTruth(simulation, a.options.odometry_rate, a.options.start_time));
+  }
+  std::cerr << "\rsimulate: " << sweeps << " sweeps in " << simulation.duration << " s -> " << a.out << '\n';
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  return mapping_common::runTool(argc, argv, "simulate", kUsage, parse, run);
+}

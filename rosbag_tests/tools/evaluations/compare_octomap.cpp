@@ -1,0 +1,149 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// OctoMap and the R-tree occupancy map side by side, on a folder of scans or a bag.
+#include <mapping_common/tool.h>
+#include <rosbag_tests/converters/bag_scans.h>
+#include <rosbag_tests/converters/scan_files.h>
+#include <rosbag_tests/evaluations/octomap_comparison.h>
+
+#include <boost/program_options.hpp>
+#include <cstdio>
+#include <fstream>
+#include <iostream>
+#include <limits>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+namespace po = boost::program_options;
+using mapping_common::addOption;
+using rtree_occupancy_map::Options;
+
+namespace {
+
+const char kUsage[] =
+    "Usage: compare_octomap --scans DIR [--poses FILE] | --bag FILE [--cloud TOPIC] [options]\n"
+    "\n"
+    "Inserts the same scans into OctoMap and into the R-tree occupancy map, in turn, and compares insertion "
+    "time,\n"
+    "cells, nodes, access time, memory, and the class of every voxel.\n";
+
+struct Arguments {
+  std::string scans, poses, bag, json, save;
+  rosbag_tests::BagScansOptions bag_options;
+  std::vector<Options> options;
+  long first = 0, last = std::numeric_limits<long>::max(), step = 1;
+};
+
+/// False if help was asked for and printed. Throws po::error or std::invalid_argument for wrong usage.
+bool parse(int argc, char** argv, Arguments& a) {
+  Options o;
+  std::vector<std::string> fusion = {"equal"};
+  std::vector<int> max_entries = {o.tree.max_entries};
+  int min_entries = 0;
+  po::options_description all("Options");
+  auto add = all.add_options();
+  add("help,h", "print this");
+  add("scans", po::value(&a.scans), "scans: NNNN.bin[.xz], PCD, UOS, or an OctoMap .graph file");
+  add("poses", po::value(&a.poses), "pose file of .bin scans; by default the one poses*.txt of the folder");
+  add("bag", po::value(&a.bag), "ROS 1 bag");
+  add("cloud", po::value(&a.bag_options.topic),
+      "its PointCloud2 or LaserScan topic; by default the only one");
+  add("fixed-frame", po::value(&a.bag_options.fixed_frame)->default_value(a.bag_options.fixed_frame),
+      "map frame of its tf");
+  add("pose-topic", po::value(&a.bag_options.pose_topic), "poses from this topic in place of tf");
+  addOption(all, "resolution", o, "resolution");
+  addOption(all, "model", o, "sensor_model/type");
+  add("fusion", po::value(&fusion)->multitoken()->default_value(fusion, "equal"),
+      "thesis | equal; several are compared in one run");
+  addOption(all, "strategy", o, "fusion/strategy");
+  addOption(all, "search-order", o, "fusion/search_order");
+  add("max-entries", po::value(&max_entries)->multitoken()->default_value(max_entries, "16"),
+      "M; several are compared in one run");
+  add("min-entries", po::value(&min_entries), "d; by default 0.4 M");
+  addOption(all, "split", o, "tree/split");
+  addOption(all, "max-range", o, "sensor_model/max_range");
+  add("first", po::value(&a.first)->default_value(a.first), "index of the first scan, from 0");
+  add("last", po::value(&a.last), "index of the last scan; by default the last there is");
+  add("step", po::value(&a.step)->default_value(a.step), "take each N-th scan");
+  add("json", po::value(&a.json), "write the figures to this file");
+  add("save", po::value(&a.save), "save the (first) R-tree map to this file");
+  po::variables_map values;
+  po::store(po::parse_command_line(
+                argc, argv, all, po::command_line_style::unix_style ^ po::command_line_style::allow_guessing),
+            values);
+  if (values.count("help")) {
+    std::cout << kUsage << '\n' << all;
+    return false;
+  }
+  po::notify(values);
+  if (a.scans.empty() == a.bag.empty()) throw po::error("either --scans or --bag is needed");
+  if (a.step < 1) throw po::error("--step must be at least 1");
+  if (a.first < 0 || a.last < a.first) throw po::error("--first must be at least 0, --last at least --first");
+  mapping_common::OptionList options = mapping_common::optionsOf(o);
+  for (const std::string& rule : fusion) {
+    for (const int m : max_entries) {
+      options.find("fusion/rule")->set(rule);
+      o.tree.max_entries = m;
+      o.tree.min_entries = values.count("min-entries") ? min_entries : std::max(1, 2 * m / 5);
+      a.options.push_back(mapping_common::validate(o));
+    }
+  }
+  return true;
+}
+
+void compare(const Arguments& a) {
+  std::unique_ptr<rosbag_tests::ScanSource> source;
+  const rosbag_tests::BagScans* bag = nullptr;
+  if (a.bag.empty()) {
+    source = rosbag_tests::openScans(a.scans, a.poses);
+  } else {
+    auto bag_source = std::make_unique<rosbag_tests::BagScans>(a.bag, a.bag_options);
+    bag = bag_source.get();
+    source = std::move(bag_source);
+  }
+  rosbag_tests::OctomapComparison comparison(a.options);
+  mapping_simulation::PosedScan scan;
+  std::size_t inserted = 0;
+  for (long i = 0; i <= a.last && source->next(scan); ++i) {
+    if (i < a.first || (i - a.first) % a.step != 0) continue;
+    comparison.insert(scan);
+    std::cerr << "\rinserted scan " << ++inserted << ", " << i + 1 << " of " << source->size() << std::flush;
+  }
+  std::cerr << "\n";
+  if (bag != nullptr && bag->withoutPose() + bag->malformed() > 0) {
+    std::cerr << "left out: " << bag->withoutPose() << " scans without a pose, " << bag->malformed()
+              << " malformed\n";
+  }
+  if (inserted == 0) throw std::runtime_error("there was no scan to insert");
+  std::cerr << "comparing" << std::endl;
+  if (!a.save.empty()) comparison.map(0).save(a.save);
+  const rosbag_tests::ComparisonResult result = comparison.finish();
+  rosbag_tests::printTable(std::cout, result, a.options);
+  if (a.json.empty()) return;
+  const std::string part = a.json + ".part";
+  std::ofstream json(part);
+  rosbag_tests::printJson(json, result, a.options);
+  json.close();
+  if (!json || std::rename(part.c_str(), a.json.c_str()) != 0)
+    throw std::runtime_error(a.json + " can't be written");
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  Arguments arguments;
+  try {
+    if (parse(argc, argv, arguments)) compare(arguments);
+    return 0;
+  } catch (const po::error& e) {
+    std::cerr << "compare_octomap: " << e.what() << "\n\n" << kUsage << "See compare_octomap --help\n";
+    return 2;
+  } catch (const std::invalid_argument& e) {
+    std::cerr << "compare_octomap: " << e.what() << "\n";
+    return 2;
+  } catch (const std::exception& e) {
+    std::cerr << "\ncompare_octomap: " << e.what() << '\n';
+    return 1;
+  }
+}
