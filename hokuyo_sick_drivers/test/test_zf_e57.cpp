@@ -294,12 +294,60 @@ TEST(E57, WhatAFileCannotHoldIsRefused) {
   const auto xml_error = [](const std::string& xml) {
     return errorOf([&] { MemoryFile(E57TestFile().finish(xml), "a.e57"); });
   };
-  EXPECT_TRUE(mentions(xml_error("<e57Root><data3D>"), {"XML"}));
+  EXPECT_TRUE(mentions(xml_error("<e57Root><data3D>"), {"XML", "XML_ERROR"}));
   EXPECT_TRUE(mentions(xml_error("<root/>"), {"e57Root"}));
   const std::string field = "<e57Root><data3D><a><points recordCount=\"1\"><prototype><x type=\"Integer\" ";
   const std::string end = "/></prototype></points></a></data3D></e57Root>";
   EXPECT_TRUE(mentions(xml_error(field + "minimum=\"2\" maximum=\"1\"" + end), {"minimum"}));
   EXPECT_TRUE(mentions(xml_error(field + "minimum=\"zwei\"" + end), {"zwei"}));
+}
+
+// As some programs write points where nothing was measured.
+TEST(E57, ExactlyNothingIsMissingWhereThereIsNoState) {
+  const std::vector<float> x = {1.0F, 0.0F, 2.0F, 0.0F};
+  const auto cartesian = [&](std::vector<E57TestField> more) {
+    E57TestScan scan;
+    scan.records = 4;
+    scan.fields = {floatField("cartesianX", x), floatField("cartesianY", std::vector<float>(4, 0.0F)),
+                   floatField("cartesianZ", std::vector<float>{0.0F, 0.0F, 1.0F, 0.0F})};
+    for (E57TestField& field : more) scan.fields.push_back(std::move(field));
+    return scan;
+  };
+  E57TestScan spherical;
+  spherical.records = 4;
+  spherical.fields = {floatField("sphericalRange", x),
+                      floatField("sphericalAzimuth", std::vector<float>(4, 0.5F)),
+                      floatField("sphericalElevation", std::vector<float>(4, 0.25F))};
+  const auto grid = {integerField("rowIndex", 0, 1, {0, 1, 0, 1}),
+                     integerField("columnIndex", 0, 1, {0, 0, 1, 1})};
+  MemoryFile file(makeFile({cartesian({}), cartesian(grid), spherical,
+                            cartesian({integerField("cartesianInvalidState", 0, 2, {0, 0, 2, 1})})}),
+                  "a.e57");
+  const auto valid = [&](std::size_t scan) {
+    std::vector<bool> all;
+    for (const ScanPoint& point : file.points(scan)) all.push_back(point.valid);
+    return all;
+  };
+  const std::vector<bool> measured = {true, false, true, false};
+  for (const std::size_t scan : {0, 1, 2}) EXPECT_EQ(valid(scan), measured) << scan;
+  EXPECT_EQ(valid(3), (std::vector<bool>{true, true, false, false})) << "a state knows better";
+}
+
+TEST(E57, NamespaceThatIsDeclaredTwice) {
+  const std::string nor = " xmlns:nor=\"http://www.libe57.org/E57_NOR_surface_normals.txt\"";
+  E57TestFile test_file;
+  test_file.namespaces += nor + "\n" + nor;
+  MemoryFile file(test_file.make({scanWith({})}), "a.e57");
+  expectPositions(file.points());
+  EXPECT_TRUE(mentions(file.reader->warnings().at(0), {"xmlns:nor", "twice"}));
+
+  E57TestFile other;
+  other.namespaces += nor + " xmlns:nor='other'";
+  EXPECT_TRUE(mentions(errorOf([&] { MemoryFile(other.make({scanWith({})}), "a.e57"); }),
+                       {"xmlns:nor", "twice", "normals.txt", "other"}));
+  for (const char* root :
+       {"<e57Root", "<e57Root ", "<e57Root a", "<e57Root a=", "<e57Root a=\"", "<e57Root xmlns=\"b\" xmlns"})
+    EXPECT_TRUE(mentions(errorOf([&] { MemoryFile(E57TestFile().finish(root), "a.e57"); }), {"XML"})) << root;
 }
 
 }  // namespace

@@ -159,6 +159,16 @@ TEST(Ptx, MatrixThatCannotBeInvertedIsLeftOut) {
   EXPECT_TRUE(mentions(file.reader->warnings().at(0), {"line 10", "matrix"}));
 }
 
+TEST(Ptx, MatrixOfTheOtherConvention) {
+  const std::string begin = "1\n1\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n";
+  MemoryFile file(begin + "0 -1 0 10\n1 0 0 20\n0 0 1 30\n0 0 0 1\n1 2 3 0.5\n", "a.ptx");
+  EXPECT_TRUE(mentions(file.reader->warnings().at(0), {"line 10", "translation", "last column"}));
+  EXPECT_TRUE((file.reader->scans()[0].pose * Eigen::Vector3d(1, 2, 3)).isApprox(Eigen::Vector3d(8, 21, 33)));
+
+  const std::string both = errorOfFile(begin + "1 0 0 10\n0 1 0 20\n0 0 1 30\n1 0 0 1\n1 2 3 0.5\n", "a.ptx");
+  EXPECT_TRUE(mentions(both, {"line 10", "no pose"}));
+}
+
 TEST(Ptx, SaysAtWhichLineItIsWrong) {
   const std::string start = std::string("2\n2\n") + kPtxHeader;
   EXPECT_TRUE(mentions(errorOfFile(start + "1 2 3 4\n1 2 3 4\n", "a.ptx"), {"line 13", "2 of 4 points"}));
@@ -233,10 +243,61 @@ TEST(Pts, ScaleOfIntensities) {
   EXPECT_FLOAT_EQ(-255.0F, second("0 0 0 200\n0 0 0 -255\n", IntensityScale::kRaw));
 }
 
+TEST(Pts, WithoutTheNumberOfPoints) {
+  MemoryFile file("# from somewhere\n1 2 3 0.5 10 20 30\n4 5 6 0.25 40 50 60\n2\n7 8 9\n10 11 12\n", "a.pts");
+  ASSERT_EQ(2u, file.reader->scans().size());
+  EXPECT_TRUE(mentions(file.reader->warnings().at(0), {"number of points isn't told"}));
+  EXPECT_EQ(1u, file.reader->warnings().size());
+  const auto points = file.points(0);
+  ASSERT_EQ(2u, points.size());
+  EXPECT_EQ(1.0, points[0].x);
+  EXPECT_EQ(0.25F, points[1].intensity);
+  EXPECT_EQ(60, points[1].b);
+  EXPECT_EQ(12.0, file.points(1).at(1).z);
+}
+
+TEST(Pts, HeaderOfCloudCompare) {
+  MemoryFile file(
+      "//"
+      "X;Y;Z;Rf;Gf;Bf;Intensity;Nx;Ny;Nz\n2\n0.5;-1.25;2.0;1;0.5;0.25;0.5;0;0;1\n1.5;1;2;0;0.2;1;0.25;0;1;"
+      "0\n",
+      "a.pts");
+  EXPECT_TRUE(file.reader->warnings().empty());
+  const auto points = file.points();
+  ASSERT_EQ(2u, points.size());
+  EXPECT_EQ(-1.25, points[0].y);
+  EXPECT_EQ(255, points[0].r);
+  EXPECT_EQ(128, points[0].g);
+  EXPECT_EQ(64, points[0].b);
+  EXPECT_EQ(51, points[1].g);
+  EXPECT_EQ(0.25F, points[1].intensity);
+}
+
+TEST(Pts, ColumnsByParameter) {
+  ReadOptions options;
+  options.columns = "_ x y z i";
+  MemoryFile file("2\n7 1 2 3 0.5 9\n8 4 5 6 0.25 9\n", "a.pts", options);
+  EXPECT_EQ(ScanFormat::kPts, file.reader->format());
+  const auto points = file.points();
+  ASSERT_EQ(2u, points.size());
+  EXPECT_EQ(4.0, points[1].x);
+  EXPECT_EQ(0.25F, points[1].intensity);
+  EXPECT_TRUE(mentions(errorOfFile("1\n1 2 3 4\n", "a.pts", options), {"line 2", "5 columns"}));
+  EXPECT_TRUE(mentions(errorOfFile("1\n1 2 3 4 5\n", "a.pts"), {"line 2", "5 numbers", "columns"}));
+}
+
+TEST(Pts, ExactlyNothingIsMissing) {
+  const auto points = MemoryFile("3\n0 0 0 0.5\n0 0.001 0 0.5\nnan 0 0 0.5\n", "a.pts").points();
+  EXPECT_FALSE(points.at(0).valid);
+  EXPECT_TRUE(points.at(1).valid);
+  EXPECT_FALSE(points.at(2).valid);
+}
+
 TEST(Pts, SaysAtWhichLineItIsWrong) {
   EXPECT_TRUE(mentions(errorOfFile("2\n1 2 3 4\n1 2 3\n", "a.pts"), {"line 3", "4 numbers"}));
   EXPECT_TRUE(mentions(errorOfFile("2\n1 2\n1 2 3\n", "a.pts"), {"line 2"}));
-  EXPECT_TRUE(mentions(errorOfFile("two\n1 2 3\n1 2 3\n", "a.pts"), {"line 1"}));
+  EXPECT_TRUE(mentions(errorOfFile("two\n1 2 3\n1 2 3\n", "a.pts"), {"line 1", "\"two\""}));
+  EXPECT_TRUE(mentions(errorOfFile("# nothing\n", "a.pts"), {"without points"}));
 }
 
 // ----------------------------------------------------------------------------------------------------
@@ -269,6 +330,18 @@ TEST(Asc, ColumnsByParameter) {
   }
 }
 
+TEST(Asc, ColumnsByHeader) {
+  const auto points =
+      MemoryFile("//X Y Z R G B Scalar_Intensity Nx\n2\n1 2 3 4 5 6 0.5 1\n1 2 3 4 5 7 0.75 1\n", "a.asc")
+          .points();
+  ASSERT_EQ(2u, points.size());
+  EXPECT_EQ(0.75F, points[1].intensity);
+  EXPECT_EQ(7, points[1].b);
+  EXPECT_EQ(3.0, MemoryFile("z, y, x\n1, 2, 3\n", "a.csv").points().at(0).x);
+  // One of another number of columns is about something else.
+  EXPECT_EQ(1.0, MemoryFile("# z y x and more\n1 2 3\n", "a.asc").points().at(0).x);
+}
+
 TEST(Asc, SkipsHeadersAndCountsThem) {
   MemoryFile file(
       "\xEF\xBB\xBF# x y z\n// exported\nX Y Z Intensity\n\n1.5 2 3 200\nbroken\n4 5 6 100\n7 8\n", "a.xyz",
@@ -290,9 +363,10 @@ TEST(Asc, DecimalComma) {
   EXPECT_EQ(2.0, MemoryFile("1.5, 2, 3\n", "a.asc").points()[0].y);
 }
 
-TEST(Asc, PointsThatAreNoNumbersAreMissing) {
-  const auto points = MemoryFile("nan nan nan 0\n1 2 inf 1\n1 2 3 1\n", "a.asc").points();
-  ASSERT_EQ(3u, points.size());
+TEST(Asc, PointsThatAreNoNumbersOrExactlyNothingAreMissing) {
+  const auto points = MemoryFile("nan nan nan 0\n1 2 inf 1\n1 2 3 1\n0 0 0 1\n", "a.asc").points();
+  ASSERT_EQ(4u, points.size());
+  EXPECT_FALSE(points[3].valid);
   EXPECT_FALSE(points[0].valid);
   EXPECT_FALSE(points[1].valid);
   EXPECT_TRUE(points[2].valid);
@@ -340,6 +414,12 @@ TEST(Recognition, SaysWhatToDoWithNativeFiles) {
   EXPECT_TRUE(mentions(errorOfFile("ZFS\1\2", "a"), {"LaserControl"}));
   EXPECT_TRUE(mentions(errorOfFile("ZFSF\1\2", "a"), {"is neither"}));
   EXPECT_TRUE(mentions(errorOfFile("", "a.ptx"), {"empty"}));
+  EXPECT_TRUE(
+      mentions(errorOfFile("ncols 3\nnrows 2\nxllcorner 1\n605.1 605.2 605.3\n", "a.asc"), {"grid of ESRI"}));
+  EXPECT_TRUE(mentions(errorOfFile("NROWS 3\n", "a.asc"), {"grid of ESRI"}));
+  EXPECT_TRUE(mentions(errorOfFile("# .PCD v0.7\n1 2 3\n", "a.asc"), {"PCD"}));
+  EXPECT_TRUE(mentions(errorOfFile("ply\nformat ascii 1.0\n", "a.xyz"), {"PLY"}));
+  EXPECT_TRUE(mentions(errorOfFile("LASF\1\2", "a.xyz"), {"LAS"}));
   EXPECT_TRUE(mentions(errorOfFile("1 2 3\n", "a.e57"), {"ASTM-E57"}));
   EXPECT_TRUE(mentions(errorOfFile(std::string(1000, '\0'), "a.bin"), {"is neither"}));
   EXPECT_TRUE(mentions(errorOf([] { openScanFile("/does/not/exist.e57"); }),

@@ -93,7 +93,9 @@ po::options_description describe(Arguments& a) {
       ("offset", po::value(&a.offset)->default_value(a.offset),
        "taken off all points: auto (where they are beyond 10 km), none, or X,Y,Z")  //
       ("columns", po::value(&a.reading.columns),
-       "ASC: of each column x y z i r g b or _ (skipped), -x turns the sign; default: by their number")    //
+       "PTS, ASC: of each column x y z i r g b (rf gf bf: colours from 0 to 1) or _ (others), -x turns the "
+       "sign; "
+       "default: as a header names them, or by their number")                                              //
       ("no-grid", po::bool_switch(&a.no_grid), "only the points that were measured, in the file's order")  //
       ("apply-pose", po::bool_switch(&a.apply_pose), "points in the registered frame")                     //
       ("ignore-checksums", po::bool_switch(&a.ignore_checksums), "E57: read damaged pages, too")           //

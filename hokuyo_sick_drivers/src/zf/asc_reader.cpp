@@ -3,21 +3,17 @@
 // ASC, XYZ: lines of numbers whose meaning is a matter of the export's settings.
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <map>
-#include <sstream>
+#include <optional>
 
+#include "columns.h"
 #include "point_text.h"
 
 namespace hokuyo_sick_drivers {
 namespace {
 
 constexpr std::size_t kSampleLines = 100;
-constexpr std::size_t kMaxColumns = 32;
-
-// What the columns are, by how many there are.
-const std::map<std::size_t, std::string> kUsualColumns = {
-    {3, "x y z"}, {4, "x y z i"}, {6, "x y z r g b"}, {7, "x y z i r g b"}, {8, "_ _ x y z _ _ _"}};
+constexpr std::size_t kMaxColumns = Columns::kMost;
 
 // A text may have a decimal comma: then there is no point, and commas are only found between digits.
 bool hasDecimalComma(const std::vector<std::string>& lines) {
@@ -41,50 +37,6 @@ bool hasDecimalComma(const std::vector<std::string>& lines) {
   }
   return comma;
 }
-
-// Where in a line the values are.
-class Columns {
- public:
-  explicit Columns(const std::string& words) {
-    std::istringstream in(words);
-    std::string word;
-    position_.fill(-1);
-    sign_.fill(1.0);
-    for (int column = 0; in >> word; ++column) {
-      if (column == static_cast<int>(kMaxColumns)) fail(words, "there are more than 32");
-      count_ = static_cast<std::size_t>(column) + 1;
-      if (word == "_") continue;
-      const bool minus = word[0] == '-';
-      const std::size_t name =
-          word.size() == (minus ? 2 : 1) ? kNames.find(word[minus ? 1 : 0]) : kNames.npos;
-      if (name == kNames.npos || (minus && name > 2)) fail(words, "\"" + word + "\" isn't one");
-      if (position_[name] >= 0) fail(words, "\"" + word + "\" is there twice");
-      position_[name] = column;
-      if (minus) sign_[name] = -1.0;
-    }
-    if (!has(0) || !has(1) || !has(2)) fail(words, "x, y or z is missing");
-    if (has(4) != has(5) || has(5) != has(6)) fail(words, "r, g and b come together");
-  }
-
-  std::size_t count() const { return count_; }
-  bool hasIntensity() const { return has(3); }
-  bool hasColour() const { return has(4); }
-  // Of x y z i r g b
-  double value(const double* fields, std::size_t name) const { return sign_[name] * fields[position_[name]]; }
-
- private:
-  static constexpr std::string_view kNames = "xyzirgb";
-
-  bool has(std::size_t name) const { return position_[name] >= 0; }
-  [[noreturn]] static void fail(const std::string& words, const std::string& why) {
-    throw std::runtime_error("can't be read by the columns \"" + words + "\": " + why +
-                             ". Columns are x y z i r g b, _ for others, - before x y z to turn their sign");
-  }
-
-  std::array<int, 7> position_;
-  std::array<double, 7> sign_;
-  std::size_t count_ = 0;
-};
 
 class AscReader : public ScanFileReader {
  public:
@@ -126,7 +78,9 @@ void AscReader::findColumns() {
     return;
   }
   std::map<std::size_t, std::size_t> counts;  // of numbers in a line -> of such lines
+  std::optional<Columns> named;
   for (std::string& text : sample) {
+    if (counts.empty() && !named) named = Columns::named(text);
     if (decimal_comma_) std::replace(text.begin(), text.end(), ',', '.');
     double values[kMaxColumns];
     const std::size_t count = parseNumbers(text, values, kMaxColumns);
@@ -135,12 +89,11 @@ void AscReader::findColumns() {
   if (counts.empty()) throw std::runtime_error("has no line of numbers among its first 100");
   const auto usual = std::max_element(counts.begin(), counts.end(),
                                       [](const auto& a, const auto& b) { return a.second < b.second; });
-  const auto found = kUsualColumns.find(usual->first);
-  if (found == kUsualColumns.end()) {
+  columns_ = named && named->count() == usual->first ? named : Columns::usual(usual->first);
+  if (!columns_) {
     throw std::runtime_error("has " + std::to_string(usual->first) +
                              " columns, which can't be guessed: tell them, e.g. \"x y z i _\"");
   }
-  columns_.emplace(found->second);
 }
 
 // For the number of lines and the scale of intensities.
@@ -157,7 +110,7 @@ void AscReader::lookThrough() {
     progress.lineRead();
     std::array<double, kMaxColumns> values;
     if (info.has_intensity && info.points < kIntensitySample && parse(line, values)) {
-      guess.add(columns_->value(values.data(), 3));
+      guess.add(columns_->intensity(values.data()));
     }
     ++info.points;
   }
@@ -189,16 +142,7 @@ bool AscReader::read(std::size_t index, const PointSink& sink) {
       continue;
     }
     ScanPoint point;
-    point.x = columns_->value(values.data(), 0);
-    point.y = columns_->value(values.data(), 1);
-    point.z = columns_->value(values.data(), 2);
-    point.valid = std::isfinite(point.x) && std::isfinite(point.y) && std::isfinite(point.z);
-    if (info.has_intensity) point.intensity = intensity(columns_->value(values.data(), 3));
-    if (info.has_colour) {
-      point.r = toColour(columns_->value(values.data(), 4));
-      point.g = toColour(columns_->value(values.data(), 5));
-      point.b = toColour(columns_->value(values.data(), 6));
-    }
+    columns_->read(values.data(), intensity, point);
     if (!out.add(point, progress)) return false;
   }
   return out.flush(1.0);

@@ -263,8 +263,9 @@ bool E57Reader::read(std::size_t index, const PointSink& sink) {
         point.y = range * std::cos(elevation) * std::sin(azimuth);
         point.z = range * std::sin(elevation);
       }
-      point.valid = values[kState][i] == 0.0 && std::isfinite(point.x) && std::isfinite(point.y) &&
-                    std::isfinite(point.z);
+      point.valid = layout.has(kState) ? values[kState][i] == 0.0 && std::isfinite(point.x) &&
+                                             std::isfinite(point.y) && std::isfinite(point.z)
+                                       : isMeasured(point.x, point.y, point.z);
       point.intensity = values[kNoIntensity][i] == 0.0 ? intensity(values[kIntensity][i])
                                                        : std::numeric_limits<float>::quiet_NaN();
       const bool coloured = info.has_colour && values[kNoColour][i] == 0.0;

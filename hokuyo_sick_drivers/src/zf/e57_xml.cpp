@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <stdexcept>
 
 #include "numbers.h"
@@ -154,13 +155,52 @@ E57Scan parseScan(const Element& element, std::size_t number, std::vector<std::s
   return scan;
 }
 
+// The XML with each namespace declared but once in its root element. Some programs declare one again, which
+// XML forbids.
+std::string withoutRepeatedNamespaces(const std::string& xml, std::vector<std::string>& warnings) {
+  constexpr const char* kBlanks = " \t\r\n";
+  const std::size_t root = xml.find("<e57Root");
+  if (root == xml.npos) return xml;
+  std::string result = xml.substr(0, root);
+  std::map<std::string, std::string> declared;
+  std::size_t begin = root;
+  while (true) {
+    // An attribute or the element's name, with the blanks before it.
+    const std::size_t name = xml.find_first_not_of(kBlanks, begin);
+    if (name == xml.npos) return xml;
+    const std::size_t end_of_name = xml.find_first_of(" \t\r\n=>", name);
+    const std::size_t equals = xml.find_first_not_of(kBlanks, end_of_name);
+    std::size_t end = end_of_name;
+    std::string value;
+    if (equals != xml.npos && xml[equals] == '=') {
+      const std::size_t quote = xml.find_first_of("\"'", equals);
+      end = quote == xml.npos ? quote : xml.find(xml[quote], quote + 1);
+      if (end == xml.npos) return xml;
+      value = xml.substr(quote, ++end - quote);
+    }
+    if (end == xml.npos || end_of_name == name) return result + xml.substr(begin);  // the element's end
+    const std::string attribute = xml.substr(name, end_of_name - name);
+    const bool is_namespace = attribute.compare(0, 5, "xmlns") == 0;
+    const auto [known, is_new] = declared.emplace(attribute, value);
+    if (!is_namespace || is_new) {
+      result += xml.substr(begin, end - begin);
+    } else if (known->second == value) {
+      warnings.push_back("the XML part declares " + attribute + " twice");
+    } else {
+      throw std::runtime_error("has an XML part that declares " + attribute + " twice, as " + known->second +
+                               " and as " + value);
+    }
+    begin = end;
+  }
+}
+
 }  // namespace
 
 std::vector<E57Scan> parseE57Xml(const std::string& xml, std::vector<std::string>& warnings) {
   tinyxml2::XMLDocument document;
-  if (document.Parse(xml.data(), xml.size()) != tinyxml2::XML_SUCCESS) {
-    throw std::runtime_error("has an XML part that can't be parsed, from its line " +
-                             std::to_string(document.ErrorLineNum()) + " on");
+  const std::string text = withoutRepeatedNamespaces(xml, warnings);
+  if (document.Parse(text.data(), text.size()) != tinyxml2::XML_SUCCESS) {
+    throw std::runtime_error(std::string("has an XML part that can't be parsed: ") + document.ErrorStr());
   }
   const Element* root = document.RootElement();
   if (!root || std::string(root->Name()) != "e57Root")

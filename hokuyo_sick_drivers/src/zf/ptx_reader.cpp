@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
 // PTX: per scan a header of ten lines (columns, rows, scanner position and axes, 4 x 4 matrix for row
-// vectors), then a line per cell of the grid, column after column.
+// vectors, whose last row is the translation), then a line per cell of the grid, column after column. Some
+// programs write the matrix for column vectors, with the translation in its last column.
 #include <Eigen/Geometry>
 #include <cmath>
 
@@ -44,6 +45,7 @@ class PtxReader : public ScanFileReader {
   std::vector<PtxScan> starts_;
 };
 
+// Nothing was measured: such lines may lack numbers.
 bool isMissing(const double* numbers, std::size_t count) {
   return count != kNotNumbers && count >= 3 && numbers[0] == 0.0 && numbers[1] == 0.0 && numbers[2] == 0.0;
 }
@@ -116,10 +118,20 @@ void PtxReader::readMatrix(LineReader& lines, ScanInfo& info, PtxScan& scan) {
       finite = finite && std::abs(numbers[k]) < 1e12;
     }
   }
+  const std::string where = "line " + std::to_string(lines.position().line) + ": the matrix of " + info.name;
+  const bool translates_below = !matrix.topRightCorner<3, 1>().isZero(0.0),
+             translates_beside = !matrix.bottomLeftCorner<1, 3>().isZero(0.0);
+  if (translates_below && translates_beside) {
+    throw std::runtime_error(where +
+                             " has a last row and a last column, and may have one of them: it is no pose");
+  }
+  if (translates_beside) {
+    matrix.transposeInPlace();
+    warnings_.push_back(where + " has its translation in the last column and is read for column vectors");
+  }
   const Eigen::Matrix3d linear = matrix.topLeftCorner<3, 3>();
   if (!finite || !(std::abs(linear.determinant()) > 1e-9)) {
-    warnings_.push_back("line " + std::to_string(lines.position().line) + ": the matrix of " + info.name +
-                        " can't be inverted, so its points are left without a pose");
+    warnings_.push_back(where + " can't be inverted, so its points are left without a pose");
     info.has_pose = false;
     return;
   }
@@ -131,8 +143,7 @@ void PtxReader::readMatrix(LineReader& lines, ScanInfo& info, PtxScan& scan) {
   if ((scale - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff() > kRotationTolerance) {
     scan.scaled = true;
     scan.scale = scale;
-    warnings_.push_back("line " + std::to_string(lines.position().line) + ": the matrix of " + info.name +
-                        " isn't only a rotation; its scale is applied to the points");
+    warnings_.push_back(where + " isn't only a rotation; its scale is applied to the points");
   }
 }
 

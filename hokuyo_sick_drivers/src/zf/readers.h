@@ -3,6 +3,7 @@
 // What openScanFile() chooses from, and what the readers share.
 #pragma once
 
+#include <cmath>
 #include <memory>
 #include <vector>
 
@@ -36,6 +37,12 @@ class IntensityMap {
  private:
   double offset_ = 0.0, range_ = 1.0;
 };
+
+/// Whether a position is one. Exactly (0, 0, 0), the scanner's own place, is what many programs write where
+/// nothing was measured.
+inline bool isMeasured(double x, double y, double z) {
+  return std::isfinite(x) && std::isfinite(y) && std::isfinite(z) && (x != 0.0 || y != 0.0 || z != 0.0);
+}
 
 /// To 0..255, rounded; NaN is 0.
 inline std::uint8_t toColour(double value) {

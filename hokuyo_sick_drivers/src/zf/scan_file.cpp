@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cctype>
 #include <stdexcept>
+#include <utility>
 
 #include "point_text.h"
 
@@ -32,6 +33,19 @@ std::vector<std::size_t> fieldsOfFirstLines(ByteSource& source) {
   return fields;
 }
 
+// What a file is that holds no scan that is read here; "" where that isn't known.
+std::string nameOfOther(std::string start) {
+  static const std::pair<std::string, const char*> kOthers[] = {
+      {"lasf", "a LAS or LAZ file"}, {"ply\n", "a PLY file"},     {"ply\r", "a PLY file"},
+      {"# .pcd", "a PCD file"},      {"version", "a PCD file"},   {"#rosbag", "a bag of ROS"},
+      {"dsaa", "a grid of Surfer"},  {"ncols", "a grid of ESRI"}, {"nrows", "a grid of ESRI"}};
+  for (char& c : start) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  for (const auto& [beginning, name] : kOthers) {
+    if (start.compare(0, beginning.size(), beginning) == 0) return name;
+  }
+  return "";
+}
+
 }  // namespace
 
 std::string toString(ScanFormat format) {
@@ -52,6 +66,8 @@ ScanFormat recogniseScanFile(ByteSource& source, const std::string& name) {
         "(best), PTX, PTS or ASC");
   }
   if (start.empty()) throw std::runtime_error("is empty");
+  if (const std::string other = nameOfOther(std::string(start)); !other.empty())
+    throw std::runtime_error("is " + other + ", not one of E57, PTX, PTS or lines of points");
   if (extension == "e57") throw std::runtime_error("isn't an E57 file: it doesn't start with ASTM-E57");
 
   const std::vector<std::size_t> fields = fieldsOfFirstLines(source);

@@ -40,7 +40,7 @@ struct ScanPoint {
   double x = 0.0, y = 0.0, z = 0.0;  ///< m, in the scanner's frame
   float intensity = 0.0F;            ///< as ReadOptions says; NaN: marked as invalid
   std::uint8_t r = 0, g = 0, b = 0;
-  bool valid = true;                  ///< false: nothing was measured, x, y and z have no meaning
+  bool valid = true;  ///< false: nothing was measured, as exactly (0, 0, 0) says where there is no state
   std::uint32_t row = 0, column = 0;  ///< from 0; not checked against the size of the grid
 };
 
@@ -54,8 +54,9 @@ struct ReadOptions {
   IntensityScale intensity = IntensityScale::kRaw;
   Limits intensity_limits{0.0, 1.0};
   bool verify_checksums = true;  ///< E57. False: a damaged page is a warning
-  std::string columns;  ///< ASC: words of x y z i r g b and _ (skipped), with - before x y z to turn their
-                        ///< sign; empty: by their number
+  /// PTS and ASC: words of x y z, i, r g b (0 to 255) or rf gf bf (0 to 1), and _ for others, with - before x
+  /// y z to turn their sign; empty: as a header names them, or else by their number.
+  std::string columns;
   /// Called from time to time while open() looks through the file, with the part that is done, 0 to 1.
   /// Where it returns false, open() throws ReadStopped.
   std::function<bool(double)> opening;
