@@ -4,13 +4,18 @@
 # Loads every launch file that the packages ship, with the YAML files that it names, as roslaunch does.
 import os
 import pathlib
+import re
 import runpy
+import tempfile
 import unittest
 
 import roslaunch.arg_dump
 import roslaunch.config
+import rosbag
 import rospkg
+import rospy
 import rosunit
+import std_msgs.msg
 
 PACKAGES = ['hokuyo_sick_drivers', 'ibuild_loop_closure', 'intensity_hector_slam', 'laser_intensity_calib',
             'mapping_bringup', 'rtree_occupancy_map']
@@ -31,6 +36,16 @@ def arguments(launch_file):
 
 def find(name):
     return next(f for f in LAUNCH_FILES if f.name == name)
+
+
+def topics_of(rviz_file):
+    """All that an RViz file subscribes to or publishes on."""
+    return re.findall(r'Topic: (\S+)', pathlib.Path(rviz_file).read_text())
+
+
+def replay():
+    """What is in mapping_common's script."""
+    return runpy.run_path(os.path.join(rospkg.RosPack().get_path('mapping_common'), 'scripts', 'replay'))
 
 
 def node_of_type(config, node_type):
@@ -62,6 +77,33 @@ class LaunchFilesTest(unittest.TestCase):
             args = node_of_type(load(launch_file, 'rviz:=true'), 'rviz').args.split()
             self.assertTrue(os.path.getsize(args[args.index('-d') + 1]), launch_file.name)
 
+    def test_rviz_shows_the_topics_that_are_given(self):
+        shown = 0
+        for launch_file in LAUNCH_FILES:
+            if 'rviz' not in arguments(launch_file):
+                continue
+            rviz = node_of_type(load(launch_file, 'rviz:=true'), 'rviz')
+            topics = topics_of(rviz.args.split()[1])
+            for topic in topics:
+                self.assertFalse(topic.startswith('/'), topic + ' would be the same in every namespace')
+            for name, (doc, default) in arguments(launch_file).items():
+                if doc.startswith('Topic') and default in topics:
+                    shown += 1
+                    changed = node_of_type(load(launch_file, 'rviz:=true', name + ':=other/one'), 'rviz')
+                    self.assertIn([default, 'other/one'], changed.remap_args, launch_file.name)
+        self.assertGreater(shown, 10)
+
+    def test_rviz_follows_the_name_of_the_nodelet(self):
+        rviz = node_of_type(load(find('loop_closure.launch'), 'rviz:=true', 'name:=other'), 'rviz')
+        self.assertIn(['loop_closure/debug_image', 'other/debug_image'], rviz.remap_args)
+
+    def test_rviz_is_given_the_fixed_frame(self):
+        for name, argument in (('hokuyo.launch', 'frame_id'), ('sick.launch', 'frame_id'), ('zf_reader.launch', 'parent_frame'),
+                               ('reflectivity.launch', 'rviz_frame'), ('slam.launch', 'map_frame'),
+                               ('mapping.launch', 'frame_id'), ('loop_closure.launch', 'fixed_frame')):
+            rviz = node_of_type(load(find(name), 'rviz:=true', argument + ':=other'), 'rviz')
+            self.assertEqual(['-f', 'other'], rviz.args.split()[-2:], name)
+
     def test_nodelets_start_without_parameters_of_earlier_runs(self):
         for launch_file in LAUNCH_FILES:
             for node in load(launch_file).nodes:
@@ -80,8 +122,7 @@ class LaunchFilesTest(unittest.TestCase):
             self.assertEqual('/absolute/a.bag', node_of_type(load(find(name), 'bag:=/absolute/a.bag'), 'replay').args.split()[0])
 
     def test_replays_are_given_what_they_understand(self):
-        path = os.path.join(rospkg.RosPack().get_path('mapping_common'), 'scripts', 'replay')
-        parse = runpy.run_path(path)['parse']
+        parse = replay()['parse']
         for name, argument in (('slam_bag.launch', 'scan:=one'), ('mapping_bag.launch', 'cloud:=one'),
                                ('loop_closure_bag.launch', 'image:=one')):
             node = node_of_type(load(find(name), 'bag:=/a.bag', argument, 'play_args:=--start 10'), 'replay')
@@ -89,6 +130,18 @@ class LaunchFilesTest(unittest.TestCase):
             self.assertEqual('/a.bag', arguments.bag)
             self.assertIn('one', arguments.topics)
             self.assertEqual(['--clock', '--delay', '2', '--rate', '1.0', '--start', '10'], arguments.play)
+
+    def test_replays_say_what_a_recording_lacks(self):
+        check = replay()['check']
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, 'a.bag')
+            with rosbag.Bag(path, 'w') as bag:
+                bag.write('scan', std_msgs.msg.Empty(), rospy.Time(1))  # without a slash, as some recorders do
+            self.assertEqual('', check(path, ['cloud', 'scan']))
+            self.assertEqual('', check(path, ['/scan']))
+            self.assertIn('has no topic /cloud, so nothing may happen. It has /scan (std_msgs/Empty)', check(path, ['cloud']))
+            with self.assertRaisesRegex(ValueError, 'there is no file .*b.bag'):
+                check(os.path.join(folder, 'b.bag'), [])
 
     def test_live_devices_run_on_the_wall_clock(self):
         for name in ('hokuyo.launch', 'sick.launch', 'robot.launch'):
