@@ -17,6 +17,7 @@ trap 'kill "${background[@]}" 2>/dev/null || true; wait || true' EXIT
 # launch FILE ARGUMENTS...: roslaunch in the background, its log in $log. Sets $launched.
 launch() {
   log=$out/${1%.launch}.log
+  : >"$log"  # what an earlier run logged isn't waited for
   roslaunch --port "${ROS_MASTER_URI##*:}" "launch/$1" "${@:2}" >"$log" 2>&1 &
   launched=$!
   background+=("$launched")
@@ -35,6 +36,14 @@ screen() {
   until [ -s "$number" ]; do kill -0 "$!" 2>/dev/null || fail "Xvfb doesn't start"; sleep 0.2; done
   DISPLAY=:$(cat "$number")
   export DISPLAY
+}
+# still_picture FILE: of the whole screen once RViz has drawn all, which takes long without a graphics card
+still_picture() {
+  local end=$((SECONDS + 90))
+  picture "$1"
+  until sleep 6; mv "$1" "$1.before"; picture "$1"
+        [ $SECONDS -gt $end ] || compare -metric AE -crop 1200x750+0+0 "$1.before" "$1" null: 2>/dev/null; do :; done
+  rm "$1.before"
 }
 # picture FILE: of the whole screen
 picture() {

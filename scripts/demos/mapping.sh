@@ -21,8 +21,7 @@ duration=$(rosbag info -y -k duration "$bag")
 printf 'Replaying %.0f s\n' "$duration"
 until_logged '\[bag-.*process has' "$launched"
 logged '\[bag-.*finished cleanly' || { tail -20 "$log" >&2; fail "the replay failed, see $log"; }
-sleep 8  # the last scans, and RViz drawing them
-picture "$out/map.png"
+still_picture "$out/map.png"
 saved=$(rosservice call /mapping/save_map "path: '$out/street.map'" 2>&1) || true
 [[ $saved == *'success: True'* ]] || fail "the map was not saved: $saved; see $log"
 stop "$launched"

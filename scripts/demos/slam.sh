@@ -5,7 +5,8 @@ source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 echo "SLAM in a room, with each cost, and as Hector SLAM without asking what a scan tells of the pose"
 rosrun rosbag_tests evaluate_slam config/slam_evaluation/room.yaml --first-seed 8 --seeds 1 --duration $((quick ? 15 : 40)) \
   --min-observability 0 --out "$out/slam" | tee "$out/slam.txt"
-montage "$out"/slam/*.ppm -geometry +4+4 "$out/slam_costs.png"
+rosrun rosbag_tests plot_evaluation.py "$out/slam"
+cp "$out/slam/room-maps.png" "$out/slam_costs.png"
 
 echo "SLAM live: rosbag -> reflectivities -> map -> RViz"
 rosrun mapping_simulation simulate --world config/worlds/laboratory.yaml --sensor config/simulator/hokuyo_utm30lx.yaml \
@@ -18,7 +19,6 @@ launch reflectivity.launch
 reflectivity=$launched log=$slam_log
 until_logged '\[bag-.*process has' "$slam"
 logged '\[bag-.*finished cleanly' || { tail -20 "$log" >&2; fail "the replay failed, see $log"; }
-sleep 3
-picture "$out/slam.png"
+still_picture "$out/slam.png"
 stop "$reflectivity"
 stop "$slam"
