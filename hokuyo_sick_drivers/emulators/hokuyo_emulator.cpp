@@ -36,7 +36,7 @@ bool parse(int argc, char** argv, Arguments& a) {
   HokuyoOptions& o = a.options;
   std::string model = o.model.name, known;
   for (const std::string& name : hokuyoModels()) known += " " + name;
-  double start_ms = 0.0;
+  double start_ms = 0.0, intensity_scale = 1.0;
   bool keep_streaming = false;
 
   po::options_description all("Options");
@@ -61,6 +61,8 @@ bool parse(int argc, char** argv, Arguments& a) {
       "QT ends a scan at a row's end; else it is finished");
   add("partial-group", po::bool_switch(&o.partial_group),
       "steps left over from whole clusters make a value too");
+  add("intensity-scale", po::value(&intensity_scale)->default_value(1.0, "1"),
+      "from the source's intensities to those sent");
   a.common.addTo(all);
 
   po::variables_map values;
@@ -77,7 +79,9 @@ bool parse(int argc, char** argv, Arguments& a) {
   if (o.line.baud_rate < 0 || (o.line.baud_rate > 0 && a.pty.empty())) {
     throw po::error("--baud must not be negative, and needs --pty");
   }
+  if (!(intensity_scale >= 0.0)) throw po::error("--intensity-scale must not be negative");
   o.model = hokuyoModel(model);
+  o.model.intensity_scale = intensity_scale;
   o.start_ms = static_cast<std::uint32_t>(start_ms);
   o.stop_on_close = a.pty.empty() && !keep_streaming;
   a.common.apply(values, o);

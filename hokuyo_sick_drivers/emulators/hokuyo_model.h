@@ -30,6 +30,8 @@ struct HokuyoModel {
   /// MESM of II: standing, measuring once, streaming
   std::string mesm_idle = "CLASSIC", mesm_single = "CLASSIC", mesm_multi = "CLASSIC";
 
+  double intensity_scale = 1.0;  ///< from the source's intensities to those sent
+
   /// Codes sent for +inf, for NaN, and for a range below dmin.
   unsigned code_far = 1, code_invalid = 0, code_near = 4;
 };

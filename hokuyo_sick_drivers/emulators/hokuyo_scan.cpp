@@ -20,9 +20,9 @@ std::uint32_t rangeCode(float range, const HokuyoModel& model) {
   return static_cast<std::uint32_t>(mm);
 }
 
-std::uint32_t intensityCode(float intensity) {
-  return intensity > 0.0f ? static_cast<std::uint32_t>(std::lround(std::min<double>(intensity, kMax18Bits)))
-                          : 0;
+std::uint32_t intensityCode(double intensity) {
+  return intensity > 0.0 ? static_cast<std::uint32_t>(std::lround(std::min<double>(intensity, kMax18Bits)))
+                         : 0;
 }
 
 bool isRange(std::uint32_t code, const HokuyoModel& model) {
@@ -63,7 +63,8 @@ SentScan measure(const Scan* scan, const HokuyoModel& model, const HokuyoRequest
       if (request.two_characters) sent.ranges.back() = std::min(sent.ranges.back(), kMax12Bits);
       if (request.intensity) {
         const bool has_intensity = best >= 0 && !scan->intensities.empty();
-        sent.intensities.push_back(has_intensity ? intensityCode(scan->intensities[echo][best]) : 0);
+        sent.intensities.push_back(
+            has_intensity ? intensityCode(model.intensity_scale * scan->intensities[echo][best]) : 0);
       }
       ++echoes;
     }

@@ -13,6 +13,7 @@ constexpr char kModeChanged = 0x00, kWrongPassword = 0x01, kFault = 0x02;
 constexpr char kRefused = 0x00, kAccepted = 0x01;
 constexpr std::size_t kMaxGroups = 5, kMaxAskedGroups = 2;
 constexpr std::size_t kMaxTelegram = 812;
+constexpr int kFewestScans = 2, kMostScans = 250;  // of a mean
 
 unsigned char codeOf(const std::string& command) {
   return static_cast<unsigned char>(command[0]);
@@ -51,18 +52,19 @@ std::string SickDevice::changeMode(const std::string& command) {
       {kBaud38400, 38400}, {kBaud19200, 19200}, {kBaud9600, 9600}, {kBaud500000, 500000}};
   if (command.size() < 2) return kUnknownCommand;
   const unsigned mode = static_cast<unsigned char>(command[1]);
+  SickRequest request{mode, {}, 1};
   if (mode == kInstallation) {
     if (command.size() != 2 + kPassword.size()) return kUnknownCommand;
     if (command.substr(2) != kPassword) return modeReply(kWrongPassword);
   } else if (mode == kStreamIntensities) {
-    std::vector<SickGroup> groups;
-    if (!readGroups(command, 2, kMaxGroups, groups)) return kUnknownCommand;
-    groups_ = groups;
+    if (!readGroups(command, 2, kMaxGroups, request.groups)) return kUnknownCommand;
   } else if (mode == kStreamReflectivities) {
     if (!options_.model.reflectivities || command.size() != 6) return kUnknownCommand;
     const SickGroup group{static_cast<int>(wordAt(command, 2)), static_cast<int>(wordAt(command, 4))};
     if (!isGroup(group)) return kUnknownCommand;
-    groups_ = {group};
+    request.groups = {group};
+  } else if (mode == kStreamMeans || mode == kStreamSubrange || mode == kStreamMeansOfSubrange) {
+    if (!readMeans(command, 2, request)) return kUnknownCommand;
   } else if (command.size() != 2) {
     return kUnknownCommand;
   } else if (const auto rate = kRates.find(mode); rate != kRates.end()) {
@@ -72,6 +74,7 @@ std::string SickDevice::changeMode(const std::string& command) {
     return kUnknownCommand;
   }
   mode_ = mode;
+  streamed_ = request;
   return modeReply(kModeChanged);
 }
 
@@ -98,21 +101,43 @@ bool SickDevice::readGroups(const std::string& command, std::size_t at, std::siz
   return telegram <= kMaxTelegram;
 }
 
+// The number of scans, the indices of a part, or both, as the mode has them.
+bool SickDevice::readMeans(const std::string& command, std::size_t at, SickRequest& request) const {
+  const bool has_scans = request.mode != kStreamSubrange, has_part = request.mode != kStreamMeans;
+  if (command.size() != at + (has_scans ? 1 : 0) + (has_part ? 4 : 0)) return false;
+  if (has_scans) {
+    request.scans = static_cast<unsigned char>(command[at++]);
+    if (request.scans < kFewestScans || request.scans > kMostScans) return false;
+  }
+  if (!has_part) return true;
+  request.groups = {{static_cast<int>(wordAt(command, at)), static_cast<int>(wordAt(command, at + 2))}};
+  return isGroup(request.groups[0]);
+}
+
 bool SickDevice::readMeasuringCommand(const std::string& command) {
   if (mode_ != kOnRequest) return false;
-  asked_groups_.clear();
+  asked_ = SickRequest();
   switch (codeOf(command)) {
     case kAskScan:
-      asked_mode_ = kStreamAll;
+      asked_.mode = kStreamAll;
       return command.size() == 2 && command[1] == 0x01;
+    case kAskMeans:
+      asked_.mode = kStreamMeans;
+      return readMeans(command, 1, asked_);
+    case kAskSubrange:
+      asked_.mode = kStreamSubrange;
+      return readMeans(command, 1, asked_);
+    case kAskMeansOfSubrange:
+      asked_.mode = kStreamMeansOfSubrange;
+      return readMeans(command, 1, asked_);
     case kAskIntensities:
-      asked_mode_ = kStreamIntensities;
-      return readGroups(command, 1, kMaxAskedGroups, asked_groups_);
+      asked_.mode = kStreamIntensities;
+      return readGroups(command, 1, kMaxAskedGroups, asked_.groups);
     case kAskReflectivities: {
-      asked_mode_ = kStreamReflectivities;
+      asked_.mode = kStreamReflectivities;
       if (!options_.model.reflectivities || command.size() != 5) return false;
       const SickGroup group{static_cast<int>(wordAt(command, 1)), static_cast<int>(wordAt(command, 3))};
-      asked_groups_ = {group};
+      asked_.groups = {group};
       return isGroup(group);
     }
     default:

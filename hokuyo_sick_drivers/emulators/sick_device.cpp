@@ -4,6 +4,7 @@
 #include "sick_device.h"
 
 #include <algorithm>
+#include <set>
 #include <stdexcept>
 #include <utility>
 
@@ -15,6 +16,7 @@ namespace {
 constexpr Nanoseconds kTurnsPerSecond = 75;
 const std::string kAck = "\x06", kNak = "\x15";
 constexpr std::size_t kMaxWaitingCommands = 4;
+constexpr int kQuarters = 4;  // of a degree
 
 }  // namespace
 
@@ -56,40 +58,45 @@ void SickDevice::onBooted(Nanoseconds now) {
 void SickDevice::startStreaming(Nanoseconds now) {
   if (streams()) return;
   mode_ = kStreamAll;
-  next_turn_ = nextScan(now, mode_);
+  streamed_ = {mode_, {}, 1};
+  next_turn_ = nextScan(now, streamed_);
 }
 
 std::string SickDevice::exampleMessage(Nanoseconds now) {
-  return lmsTelegram(measureScan(nextScan(now, kStreamAll), kStreamAll, {}).payload, options_.status);
+  const SickRequest all{kStreamAll, {}, 1};
+  return lmsTelegram(measureScan(nextScan(now, all), all).payload, options_.status);
 }
 
 bool SickDevice::streams() const {
-  return mode_ == kStreamAll || mode_ == kStreamPartial || mode_ == kStreamIntensities ||
-         mode_ == kStreamReflectivities;
+  static const std::set<unsigned> kStreams = {
+      kStreamAll,     kStreamMeans,       kStreamSubrange,      kStreamMeansOfSubrange,
+      kStreamPartial, kStreamIntensities, kStreamReflectivities};
+  return kStreams.count(mode_) > 0;
 }
 
-int SickDevice::turnsOf(unsigned mode) const {
-  return mode == kStreamPartial || options_.model.fast ? 1 : variant_.turns();
+int SickDevice::turnsOf(const SickRequest& request) const {
+  return request.scans * (request.mode == kStreamPartial || options_.model.fast ? 1 : variant_.turns());
 }
 
 Nanoseconds SickDevice::turnStart(std::int64_t turn) const {
   return mirror_epoch_ + turn * kSecond / kTurnsPerSecond;
 }
 
-Nanoseconds SickDevice::scanEnd(std::int64_t turn, unsigned mode) const {
+Nanoseconds SickDevice::scanEnd(std::int64_t turn, const SickRequest& request) const {
   const int right_end = (180 - variant_.angle) / 2;
-  return turnStart(turn + turnsOf(mode) - 1) + kSecond / kTurnsPerSecond * (right_end + variant_.angle) / 360;
+  return turnStart(turn + turnsOf(request) - 1) +
+         kSecond / kTurnsPerSecond * (right_end + variant_.angle) / 360;
 }
 
-std::int64_t SickDevice::nextScan(Nanoseconds now, unsigned mode) const {
-  const std::int64_t turns = turnsOf(mode);
+std::int64_t SickDevice::nextScan(Nanoseconds now, const SickRequest& request) const {
+  const std::int64_t turns = turnsOf(request);
   std::int64_t turn = std::max<Nanoseconds>(now - mirror_epoch_, 0) * kTurnsPerSecond / kSecond;
   while (turnStart(turn) < now || turn % turns != 0) ++turn;
   return turn;
 }
 
 Nanoseconds SickDevice::nextEvent() const {
-  const Nanoseconds scan = streams() ? scanEnd(next_turn_, mode_) : kNever;
+  const Nanoseconds scan = streams() ? scanEnd(next_turn_, streamed_) : kNever;
   return std::min(restart_at_, work_.empty() ? scan : work_.front().due);
 }
 
@@ -97,13 +104,13 @@ void SickDevice::onEvent(Nanoseconds now) {
   if (restart_at_ <= now) return powerUp(now);
   if (!work_.empty()) return work(now);
   const std::int64_t turn = next_turn_;
-  next_turn_ += turnsOf(mode_);
+  next_turn_ += turnsOf(streamed_);
   if (!connected()) return;
   if (transmitter_.freeAt() > now || !lineHasRoom()) {
     ++counts_.skipped;
     return;
   }
-  sendScanTelegram(measureScan(turn, mode_, groups_), now);
+  sendScanTelegram(measureScan(turn, streamed_), now);
 }
 
 void SickDevice::onReceived(std::string_view bytes, Nanoseconds now) {
@@ -146,12 +153,12 @@ void SickDevice::work(Nanoseconds now) {
   }
   if (!work.measuring && readMeasuringCommand(work.command)) {
     work.measuring = true;
-    work.turn = nextScan(now, asked_mode_);
-    work.due = scanEnd(work.turn, asked_mode_);
+    work.turn = nextScan(now, asked_);
+    work.due = scanEnd(work.turn, asked_);
     return;
   }
   if (work.measuring) {
-    sendScanTelegram(measureScan(work.turn, asked_mode_, asked_groups_), now);
+    sendScanTelegram(measureScan(work.turn, asked_), now);
   } else {
     const std::string command = work.command;
     asked_baud_rate_ = 0;
@@ -165,37 +172,43 @@ void SickDevice::work(Nanoseconds now) {
 void SickDevice::finish(Nanoseconds now) {
   work_.pop_front();
   if (!work_.empty()) return begin(now);
-  if (streams()) next_turn_ = nextScan(now, mode_);
+  if (streams()) next_turn_ = nextScan(now, streamed_);
 }
 
-SickDevice::ScanTelegram SickDevice::measureScan(std::int64_t turn, unsigned mode,
-                                                 const std::vector<SickGroup>& groups) {
-  const std::int64_t last_turn = turn + turnsOf(mode) - 1;
-  const auto index = static_cast<unsigned char>(last_turn & 0xff);
-  const auto scan = source_->at(turnStart(turn));
+// Which quarter of a degree a turn's partial scan is shifted by; -1 for whole scans.
+int SickDevice::partialOf(std::int64_t turn, const SickRequest& request) const {
+  if (request.mode != kStreamPartial) return -1;
+  return static_cast<int>(turn % variant_.turns()) * kQuarters / variant_.turns();
+}
+
+// Values of the scan that begins with a turn.
+SentScan SickDevice::measureTurns(std::int64_t turn, const SickRequest& request, int first, int last) const {
   SickVariant variant = variant_;
   double offset = 0.0;
-  int partial = -1;
-  if (mode == kStreamPartial) {
+  if (request.mode == kStreamPartial) {
     // 100 degrees at 0.25 stand for 180 at 0.25 here. A turn has a value per degree.
-    constexpr int kQuarters = 4;
     if (variant.resolution == 25) variant.angle = 180;
-    partial = static_cast<int>(turn % variant.turns()) * kQuarters / variant.turns();
-    offset = partial / static_cast<double>(kQuarters);
+    offset = partialOf(turn, request) / static_cast<double>(kQuarters);
     variant.resolution = 100;
+    if (last == 0) last = variant.values() - (offset > 0.0 ? 1 : 0);
   }
-  const auto measured = [&](int first, int last) {
-    SentScan sent = measure(scan.get(), variant, configuration_, options_.coding, first, last, offset);
-    const double degrees = (180 - variant.angle) / 2.0 + offset + (first - 1) * variant.resolution / 100.0;
-    sent.start = turnStart(turn) + static_cast<Nanoseconds>(kSecond / kTurnsPerSecond * degrees / 360.0);
-    sent.device_stamp = last_turn;
-    return sent;
-  };
-  if (mode == kStreamIntensities) {
+  if (last == 0) last = variant.values();
+  const auto scan = source_->at(turnStart(turn));
+  SentScan sent = measure(scan.get(), variant, configuration_, options_.coding, first, last, offset);
+  const double degrees = (180 - variant.angle) / 2.0 + offset + (first - 1) * variant.resolution / 100.0;
+  sent.start = turnStart(turn) + static_cast<Nanoseconds>(kSecond / kTurnsPerSecond * degrees / 360.0);
+  return sent;
+}
+
+SickDevice::ScanTelegram SickDevice::measureScan(std::int64_t turn, const SickRequest& request) {
+  const std::int64_t last_turn = turn + turnsOf(request) - 1;
+  const auto index = static_cast<unsigned char>(last_turn & 0xff);
+  if (request.mode == kStreamIntensities) {
     std::vector<SentScan> parts;
-    for (const SickGroup& group : groups) parts.push_back(measured(group.first, group.last));
-    if (!configuration_.hasIntensityMode()) {
-      for (SentScan& part : parts) part.intensities.assign(part.ranges.size(), 0);
+    for (const SickGroup& group : request.groups) {
+      parts.push_back(measureTurns(turn, request, group.first, group.last));
+      parts.back().device_stamp = last_turn;
+      if (!configuration_.hasIntensityMode()) parts.back().intensities.assign(parts.back().ranges.size(), 0);
     }
     const bool wrong_count = faults_.hits(Fault::kCountMismatch, turnStart(turn));
     ScanTelegram telegram{encodeIntensities(parts, configuration_, options_.coding, index, wrong_count),
@@ -208,13 +221,26 @@ SickDevice::ScanTelegram SickDevice::measureScan(std::int64_t turn, unsigned mod
     }
     return telegram;
   }
-  SentScan sent = measured(1, partial > 0 ? variant.values() - 1 : variant.values());
-  if (mode == kStreamReflectivities) {
+  const bool is_part = request.mode == kStreamSubrange || request.mode == kStreamMeansOfSubrange;
+  const SickGroup part = is_part ? request.groups[0] : SickGroup{1, 0};
+  std::vector<SentScan> scans;
+  for (int i = 0; i < request.scans; ++i)
+    scans.push_back(
+        measureTurns(turn + i * turnsOf(request) / request.scans, request, part.first, part.last));
+  SentScan sent = meanOf(scans, configuration_);
+  sent.device_stamp = last_turn;
+  if (request.mode == kStreamReflectivities) {
     for (auto& intensity : sent.intensities) intensity = std::min(intensity, 255u);
-    return {encodeReflectivities(sent, groups[0], configuration_, index), sent};
+    return {encodeReflectivities(sent, request.groups[0], configuration_, index), sent};
   }
   sent.intensities.clear();
-  return {encodeRanges(sent, configuration_, partial, index), sent};
+  std::string head{is_part ? (request.scans > 1 ? '\xbf' : '\xb7') : (request.scans > 1 ? '\xb6' : '\xb0')};
+  if (request.scans > 1) head += static_cast<char>(request.scans);
+  if (is_part) {
+    appendWord(head, static_cast<unsigned>(part.first));
+    appendWord(head, static_cast<unsigned>(part.last));
+  }
+  return {encodeRanges(head, sent, configuration_, partialOf(turn, request), index), sent};
 }
 
 void SickDevice::sendTelegram(const std::string& payload, Nanoseconds now) {

@@ -30,7 +30,7 @@ struct SickOptions : DeviceOptions {
   Nanoseconds ack_delay = 5 * kMillisecond;          ///< from a command to ACK or NAK
   Nanoseconds reply_delay = 10 * kMillisecond;       ///< from ACK to the reply
   Nanoseconds mode_delay = 100 * kMillisecond;       ///< the same of 20h
-  Nanoseconds configure_delay = 500 * kMillisecond;  ///< the same of 77h
+  Nanoseconds configure_delay = 200 * kMillisecond;  ///< the same of 77h; CARMEN's driver waits for 250 ms
   Nanoseconds byte_gap = 14 * kMillisecond;          ///< longest within a command
   std::size_t configuration_size = 34;
   bool refuse_by_mode = false;  ///< 77h outside of installation mode: A0h 02h, otherwise F7h 00h
@@ -81,18 +81,21 @@ class SickDevice : public Device {
   std::string changeVariant(const std::string& command);
   std::string configure(const std::string& command);
   std::string status() const;
-  /// Whether the command asks for a scan and may; asked_mode_ and asked_groups_ say for which.
+  /// Whether the command asks for a scan and may; asked_ says for which.
   bool readMeasuringCommand(const std::string& command);
   bool readGroups(const std::string& command, std::size_t at, std::size_t max_groups,
                   std::vector<SickGroup>& groups) const;
   bool isGroup(const SickGroup& group) const;
+  bool readMeans(const std::string& command, std::size_t at, SickRequest& request) const;
 
   bool streams() const;
-  int turnsOf(unsigned mode) const;
+  int turnsOf(const SickRequest& request) const;
   Nanoseconds turnStart(std::int64_t turn) const;
-  Nanoseconds scanEnd(std::int64_t turn, unsigned mode) const;
-  std::int64_t nextScan(Nanoseconds now, unsigned mode) const;
-  ScanTelegram measureScan(std::int64_t turn, unsigned mode, const std::vector<SickGroup>& groups);
+  Nanoseconds scanEnd(std::int64_t turn, const SickRequest& request) const;
+  std::int64_t nextScan(Nanoseconds now, const SickRequest& request) const;
+  SentScan measureTurns(std::int64_t turn, const SickRequest& request, int first, int last) const;
+  int partialOf(std::int64_t turn, const SickRequest& request) const;
+  ScanTelegram measureScan(std::int64_t turn, const SickRequest& request);
   void sendTelegram(const std::string& payload, Nanoseconds now);
   void sendScanTelegram(ScanTelegram telegram, Nanoseconds now);
 
@@ -103,9 +106,9 @@ class SickDevice : public Device {
   SickConfiguration configuration_;
   std::size_t configuration_writes_ = 0;
   SickVariant variant_;
-  unsigned mode_ = 0, asked_mode_ = 0;  // streaming; of the scan asked for
-  std::vector<SickGroup> groups_, asked_groups_;
-  std::int64_t next_turn_ = 0;  // the next scan to stream begins there
+  unsigned mode_ = 0;
+  SickRequest streamed_, asked_;  // while that streams; once
+  std::int64_t next_turn_ = 0;    // the next scan to stream begins there
   Nanoseconds mirror_epoch_ = 0;
   int asked_baud_rate_ = 0;  // once the reply is out
   Nanoseconds restart_at_ = kNever;

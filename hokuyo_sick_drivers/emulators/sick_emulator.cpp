@@ -41,7 +41,10 @@ bool parse(int argc, char** argv, Arguments& a) {
   SickOptions& o = a.options;
   std::string model = o.model.name;
   int configuration_size = 34, flags = 0;
-  double ack = 5, reply = 10, mode = 100, configure = 500, gap = 14;
+  const auto milliseconds = [](Nanoseconds delay) { return static_cast<double>(delay) / kMillisecond; };
+  double ack = milliseconds(o.ack_delay), reply = milliseconds(o.reply_delay),
+         mode = milliseconds(o.mode_delay), configure = milliseconds(o.configure_delay),
+         gap = milliseconds(o.byte_gap);
 
   po::options_description all("Options");
   auto add = all.add_options();

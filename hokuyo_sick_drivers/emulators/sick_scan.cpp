@@ -93,9 +93,26 @@ SentScan measure(const Scan* scan, const SickVariant& variant, const SickConfigu
   return sent;
 }
 
-std::string encodeRanges(const SentScan& scan, const SickConfiguration& configuration, int partial,
-                         unsigned char index) {
-  std::string payload = "\xb0";
+SentScan meanOf(const std::vector<SentScan>& scans, const SickConfiguration& configuration) {
+  const unsigned largest = (1u << configuration.rangeBits()) - 1 - kLargestRange;
+  SentScan mean = scans.back();
+  mean.start = scans.front().start;
+  for (std::size_t i = 0; i < mean.ranges.size(); ++i) {
+    double sum = 0.0;
+    int count = 0;
+    for (const SentScan& scan : scans) {
+      if (scan.ranges[i] > largest) continue;
+      sum += scan.ranges[i];
+      ++count;
+    }
+    if (count > 0) mean.ranges[i] = static_cast<unsigned>(std::lround(sum / count));
+  }
+  return mean;
+}
+
+std::string encodeRanges(const std::string& head, const SentScan& scan,
+                         const SickConfiguration& configuration, int partial, unsigned char index) {
+  std::string payload = head;
   const unsigned partial_bits = partial < 0 ? 0 : 0x2000u | static_cast<unsigned>(partial) << 11;
   appendWord(payload, countWord(scan.ranges.size(), configuration) | partial_bits);
   for (const unsigned range : scan.ranges) appendWord(payload, range);

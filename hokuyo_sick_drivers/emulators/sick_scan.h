@@ -57,9 +57,22 @@ struct SickGroup {
   int first = 1, last = 1;
 };
 
-/// B0h. @param partial -1: a whole scan, else the number of the partial scan
-std::string encodeRanges(const SentScan& scan, const SickConfiguration& configuration, int partial,
-                         unsigned char index);
+/// What the LMS is to send of its scans.
+struct SickRequest {
+  unsigned mode = 0;              ///< that streams it
+  std::vector<SickGroup> groups;  ///< of values; empty: all
+  int scans = 1;                  ///< the mean of so many is sent
+};
+
+/// The mean of scans of the same size; of values without a reading, the last.
+SentScan meanOf(const std::vector<SentScan>& scans, const SickConfiguration& configuration);
+
+/// Ranges alone: B0h; B6h, with the number of scans whose mean they are; B7h, with the first and last index
+/// of a part; BFh, with both.
+/// @param head what comes before the number of values
+/// @param partial -1: a whole scan, else the number of the partial scan
+std::string encodeRanges(const std::string& head, const SentScan& scan,
+                         const SickConfiguration& configuration, int partial, unsigned char index);
 /// F5h. @param wrong_count whether the first count is one too many
 std::string encodeIntensities(const std::vector<SentScan>& scans, const SickConfiguration& configuration,
                               const SickCoding& coding, unsigned char index, bool wrong_count);

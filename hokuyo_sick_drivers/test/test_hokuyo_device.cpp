@@ -129,10 +129,12 @@ TEST(HokuyoDevice, ClusterTakesTheSmallestDistanceAndLeavesCodesOut) {
   request.last = 546;
   request.cluster = 2;
   request.intensity = true;
-  const HokuyoModel model = hokuyoModel("UTM-30LX");
+  HokuyoModel model = hokuyoModel("UTM-30LX");
   const SentScan sent = measure(&scan, model, request, false);
   EXPECT_EQ(sent.ranges, (std::vector<std::uint32_t>{1000, 3000, 1}));
   EXPECT_EQ(sent.intensities, (std::vector<std::uint32_t>{10, 30, 1}));
+  model.intensity_scale = 1.5;
+  EXPECT_EQ(measure(&scan, model, request, false).intensities, (std::vector<std::uint32_t>{15, 45, 2}));
   EXPECT_EQ(measure(&scan, model, request, true).ranges, (std::vector<std::uint32_t>{1000, 3000, 1, 4000}));
 }
 

@@ -113,7 +113,7 @@ TEST(LmsTelegram, ScansOfTheDocument) {
   SickConfiguration configuration;
   SentScan scan;
   scan.ranges = {100, 200, 300};
-  EXPECT_EQ(toHex(lmsTelegram(encodeRanges(scan, configuration, -1, 0), 0x10)),
+  EXPECT_EQ(toHex(lmsTelegram(encodeRanges("\xb0", scan, configuration, -1, 0), 0x10)),
             "02 80 0A 00 B0 03 00 64 00 C8 00 2C 01 10 BE 64");
 
   std::string mm = configuration.bytes();
@@ -265,6 +265,56 @@ TEST(SickDevice, PacedAt38400BaudAndSkippingTurns) {
   for (const auto& write : s.host.writes) ASSERT_LE(write.bytes.size(), 3u);
 }
 
+// CARMEN's driver gives up where nothing comes for 250 ms, and writes the configuration before each run.
+TEST(SickDevice, AnswersBeforeCarmenGivesUp) {
+  Emulation s;
+  for (const std::string& asked :
+       {kStop, fromHex("02 00 01 00 74 50 12"), kInstall, kConfigure, kStop, kStream}) {
+    s.host.writes.clear();
+    const Nanoseconds sent = s.host.now();
+    s.host.ask(asked, 500 * kMillisecond);
+    ASSERT_GE(s.host.writes.size(), 2u);
+    EXPECT_LT(s.host.writes[0].time - sent, 250 * kMillisecond) << toHex(asked);
+    EXPECT_LT(s.host.writes[1].time - s.host.writes[0].time, 250 * kMillisecond) << toHex(asked);
+  }
+}
+
+TEST(SickDevice, MeansAndSubranges) {
+  Emulation s(fast());
+  s.ask(command(fromHex("20 26 05")), 110 * kMillisecond);  // means of 5 scans
+  const std::string means = s.host.listen(kSecond);
+  const auto scans = s.device.takeSentScans();
+  EXPECT_NEAR(static_cast<double>(scans.size()), 15.0, 1.0);
+  EXPECT_EQ(scans[1].device_stamp, scans[0].device_stamp + 5);
+  EXPECT_EQ(scans[0].ranges.size(), 181u);
+  EXPECT_EQ(scans[0].ranges[0], 100u);
+  EXPECT_EQ(scans[0].ranges[11], 0x1fffu);
+  EXPECT_NE(means.find(fromHex("B6 05 B5 00 64 00")), std::string::npos);
+
+  s.ask(command(fromHex("20 27 0A 00 0C 00")), 110 * kMillisecond);
+  EXPECT_NE(s.host.listen(kSecond).find(fromHex("B7 0A 00 0C 00 03 00")), std::string::npos);
+  EXPECT_EQ(s.device.takeSentScans().back().ranges.size(), 3u);
+  s.ask(command(fromHex("20 28 03 01 00 02 00")), 110 * kMillisecond);
+  EXPECT_NE(s.host.listen(kSecond).find(fromHex("BF 03 01 00 02 00 02 00 64 00")), std::string::npos);
+
+  s.ask(kStop);
+  EXPECT_NE(s.ask(command(fromHex("36 05"))).find("B6 05 B5 00 64 00"), std::string::npos);
+  EXPECT_NE(s.ask(command(fromHex("37 01 00 02 00"))).find("B7 01 00 02 00 02 00 64 00"), std::string::npos);
+  EXPECT_NE(s.ask(command(fromHex("3F 02 01 00 02 00"))).find("BF 02 01 00 02 00 02 00 64 00"),
+            std::string::npos);
+  for (const char* wrong :
+       {"36 01", "36 FB", "37 01 00 B6 00", "37 02 00 01 00", "3F 02 01 00", "20 26", "20 26 01"})
+    EXPECT_NE(s.ask(command(fromHex(wrong))).find("92 10"), std::string::npos) << wrong;
+}
+
+TEST(SickDevice, MeansAreThoseOfReadings) {
+  SentScan first, second;
+  first.ranges = {100, 200, 0x1fff, 0x1fff};
+  second.ranges = {103, 0x1ff7, 300, 0x1ffe};
+  EXPECT_EQ(meanOf({first, second}, SickConfiguration()).ranges,
+            (std::vector<std::uint32_t>{102, 200, 300, 0x1ffe}));
+}
+
 TEST(SickDevice, IntensitiesEverySecondTurn) {
   Emulation s(fast());
   s.configure();
@@ -364,7 +414,7 @@ TEST(SickDevice, Interlaced) {
   for (const SentScan& scan : scans) {
     const bool whole = scan.device_stamp % 4 == 0;
     EXPECT_EQ(scan.ranges.size(), whole ? 181u : 180u);
-    const std::string bytes = encodeRanges(scan, s.device.configuration(), scan.device_stamp % 4, 0);
+    const std::string bytes = encodeRanges("\xb0", scan, s.device.configuration(), scan.device_stamp % 4, 0);
     EXPECT_EQ(wordAt(bytes, 1), scan.ranges.size() | 0x2000u | (scan.device_stamp % 4) << 11);
     EXPECT_NE(stream.find(bytes), std::string::npos);
   }
