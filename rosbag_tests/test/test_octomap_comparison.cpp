@@ -468,6 +468,8 @@ TEST_F(Tool, RefusesWrongUsage) {
   expect(scans + " --colour red", "colour");
   expect(scans + " --step 0", "--step must be at least 1");
   expect(scans + " --step one", "step");
+  expect(scans + " --write-back-every 0", "--write-back-every must be at least 1");
+  expect(scans + " --threads -1", "threads is -1");
   expect(scans + " --first 3 --last 2", "--last at least --first");
   expect(scans + " --first -1", "--first must be at least 0");
   expect(scans + " --model laser", "laser");
@@ -518,6 +520,21 @@ TEST_F(Tool, WritesFiguresAndMap) {
   const auto map = rtree_occupancy_map::OccupancyMap::load(dir_.path("map"));
   EXPECT_EQ(map.tree().size(), json.get<std::size_t>("rtree_occupancy_map.cells"));
   EXPECT_EQ(map.options().tree.max_entries, 8);
+}
+
+// However often the cells go back into the tree and with as many threads as there are, the map is the same.
+TEST_F(Tool, WritesBackAndSharesOut) {
+  std::string first;
+  for (const char* how :
+       {"", " --write-back-every 1", " --write-back-every 100 --threads 2", " --threads 0"}) {
+    ASSERT_EQ(run("--scans " + scans_ + how + " --json " + dir_.path("a.json")), 0) << err_;
+    const auto json = parseJson(read("a.json"));
+    EXPECT_EQ(json.get<int>("voxels_differing"), 0);
+    EXPECT_EQ(json.get<int>("log_odds_differing"), 0);
+    const auto cells = json.get<std::string>("rtree_occupancy_map.cells");
+    if (first.empty()) first = cells;
+    EXPECT_EQ(cells, first) << how;
+  }
 }
 
 TEST_F(Tool, TakesTheScansAskedFor) {

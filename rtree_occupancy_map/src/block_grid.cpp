@@ -9,149 +9,32 @@ namespace {
 
 constexpr int kSize = kBlockSize;
 
-// Bits z0 to z1 - 1.
-std::uint32_t bits(int z0, int z1) {
-  return (z1 - z0 == 32 ? ~0u : (1u << (z1 - z0)) - 1) << z0;
-}
-
-template <class Function>
-void forEachBit(std::uint32_t word, Function&& f) {
-  for (; word != 0; word &= word - 1) f(__builtin_ctz(word));
-}
-
 }  // namespace
 
-BlockGrid::BlockGrid(const Options& options) : options_(options), model_(options) {
+BlockGrid::BlockGrid(const Options& options)
+    : options_(options), model_(options), dense_(options.reflectivity) {
   for (int i = 0; i < 3; ++i) axes_[i] = options.search_order[i] - 'x';
-  textured_.fill(0);
-  if (options.reflectivity) reflectivity_.resize(value_.size());
 }
 
-void BlockGrid::start(const Block& block) {
+void BlockGrid::fuse(const Block& block, const BlockVoxels& voxels, const std::vector<VoxelBox>& before,
+                     const std::vector<int>& selected, std::vector<Cell>& cells) {
   for (int i = 0; i < 3; ++i) base_[i] = block[i] * kSize;
-  low_.fill(0);
-  high_.fill(0);
-  between_.fill(0);
-  if (options_.reflectivity) textured_.fill(0);
-  pieces_.clear();
-}
-
-void BlockGrid::add(const VoxelBox& cell_box, float log_odds, const Reflectivity& reflectivity) {
-  LocalBox b;
-  for (int i = 0; i < 3; ++i) {
-    b.min[i] = cell_box.min[i] - base_[i];
-    b.max[i] = cell_box.max[i] - base_[i];
-  }
-  const Class c = log_odds <= model_.min   ? Class::kLow
-                  : log_odds >= model_.max ? Class::kHigh
-                                           : Class::kBetween;
-  Rows& rows = rowsOf(c);
-  if (options_.fusion_strategy == FusionStrategy::kExpansion) pieces_.push_back({b, c});
-  const bool textured = options_.reflectivity && reflectivity.hits > 0;
-  if (cell_box.margin() == 3 && !textured) {  // one voxel, as most cells
-    const int row = b.min[1] * kSize + b.min[0];
-    rows[row] |= 1u << b.min[2];
-    value_[row * kSize + b.min[2]] = log_odds;
-    return;
-  }
-  const std::uint32_t mask = bits(b.min[2], b.max[2]);
-  for (int y = b.min[1]; y < b.max[1]; ++y) {
-    for (int x = b.min[0]; x < b.max[0]; ++x) {
-      const int row = y * kSize + x;
-      rows[row] |= mask;
-      if (c == Class::kBetween) {
-        for (int z = b.min[2]; z < b.max[2]; ++z) value_[row * kSize + z] = log_odds;
-      }
-      if (!textured) continue;
-      textured_[row] |= mask;
-      std::fill(&reflectivity_[row * kSize + b.min[2]], &reflectivity_[row * kSize] + b.max[2], reflectivity);
-    }
-  }
-}
-
-void BlockGrid::add(const RTree::Leaf& leaf, const VoxelBox& block) {
-  for (int i = 0; i < leaf.size(); ++i) {
-    if (block.contains(leaf.box(i))) add(leaf.box(i), leaf.logOdds(i), leaf.reflectivity(i));
-  }
-}
-
-void BlockGrid::set(int row, int z, float log_odds) {
-  const std::uint32_t bit = 1u << z;
-  low_[row] &= ~bit;
-  high_[row] &= ~bit;
-  between_[row] &= ~bit;
-  if (log_odds <= model_.min) {
-    low_[row] |= bit;
-  } else if (log_odds >= model_.max) {
-    high_[row] |= bit;
+  voxels_ = &voxels;
+  voxels.unpack(dense_);
+  if (fusible(Class::kBetween)) linkNeighbours();
+  out_.clear();
+  if (options_.fusion_strategy == FusionStrategy::kExpansion) {
+    splitPieces(before);
+    expand(selected);
+    for (const Piece& piece : pieces_) emit(piece.box, piece.c);
   } else {
-    between_[row] |= bit;
-    value_[row * kSize + z] = log_odds;
-  }
-}
-
-std::int64_t BlockGrid::knownVoxels() const {
-  std::int64_t known = 0;
-  for (int row = 0; row < kSize * kSize; ++row)
-    known += __builtin_popcount(low_[row] | high_[row] | between_[row]);
-  return known;
-}
-
-bool BlockGrid::update(const ScanRaster::Mask& mask) {
-  bool changed = false;
-  for (int y = 0; y < kSize; ++y) {
-    for (int x = 0; x < kSize; ++x) {
-      const int row = y * kSize + x;
-      // At a threshold an update changes nothing or, in a static map, isn't made.
-      const std::uint32_t settled = options_.dynamic ? 0 : low_[row] | high_[row];
-      const std::uint32_t hit = mask.hit(x, y) & ~high_[row] & ~settled;
-      const std::uint32_t miss = mask.crossed(x, y) & ~mask.hit(x, y) & ~low_[row] & ~settled;
-      if ((hit | miss) == 0) continue;
-      changed = true;
-      const std::uint32_t high = high_[row], low = low_[row], between = between_[row];
-      const auto add = [&](int z, float update) {
-        const float before = between >> z & 1 ? value_[row * kSize + z]
-                             : low >> z & 1   ? model_.min
-                             : high >> z & 1  ? model_.max
-                                              : model_.prior;
-        set(row, z, before + update);
-      };
-      forEachBit(hit, [&](int z) { add(z, model_.hit); });
-      forEachBit(miss, [&](int z) { add(z, model_.miss); });
+    for (const Class c : {Class::kHigh, Class::kBetween, Class::kLow}) {
+      Rows open = voxels.rows(c);
+      fuseClass(open, c, {{0, 0, 0}, {kSize, kSize, kSize}}, [&](const LocalBox& box) { emit(box, c); });
     }
   }
-  return changed;
+  order(cells);
 }
-
-void BlockGrid::addReflectivity(int index, float value) {
-  std::uint32_t& row = textured_[index / kSize];
-  const std::uint32_t bit = 1u << index % kSize;
-  Reflectivity& r = reflectivity_[index];
-  if ((row & bit) == 0) r = {0.0F, 0};
-  row |= bit;
-  if (r.hits < std::numeric_limits<std::uint32_t>::max()) ++r.hits;
-  r.mean += (value - r.mean) / static_cast<float>(r.hits);
-}
-
-bool BlockGrid::setFree(const VoxelBox& box) {
-  bool changed = false;
-  const auto cut = [](int c) { return std::clamp(c, 0, kSize); };
-  const int z0 = cut(box.min[2] - base_[2]), z1 = cut(box.max[2] - base_[2]);
-  if (z0 >= z1) return false;
-  for (int y = cut(box.min[1] - base_[1]); y < cut(box.max[1] - base_[1]); ++y) {
-    for (int x = cut(box.min[0] - base_[0]); x < cut(box.max[0] - base_[0]); ++x) {
-      const int row = y * kSize + x;
-      const std::uint32_t cleared = (high_[row] | between_[row]) & bits(z0, z1);
-      high_[row] &= ~cleared;
-      between_[row] &= ~cleared;
-      low_[row] |= cleared;
-      changed |= cleared != 0;
-    }
-  }
-  return changed;
-}
-
-// ---- fusion -------------------------------------------------------------------------------------
 
 // Eq. 2.10 and 2.11, or the equal value rule.
 bool BlockGrid::fusible(Class c) const {
@@ -168,15 +51,16 @@ void BlockGrid::emit(const LocalBox& b, Class c) {
     cell.box.max[i] = static_cast<std::int16_t>(base_[i] + b.max[i]);
   }
   cell.log_odds = logOddsOf(c, (b.min[1] * kSize + b.min[0]) * kSize + b.min[2]);
-  if (options_.reflectivity && cell.log_odds >= model_.occupied) {
+  const Rows* textured = voxels_->textured();
+  if (textured != nullptr && cell.log_odds >= model_.occupied) {
     double sum = 0.0, hits = 0.0;
     int voxels = 0;
     for (int y = b.min[1]; y < b.max[1]; ++y) {
       for (int x = b.min[0]; x < b.max[0]; ++x) {
         const int row = y * kSize + x;
-        forEachBit(textured_[row] & bits(b.min[2], b.max[2]), [&](int z) {
-          sum += reflectivity_[row * kSize + z].mean;
-          hits += reflectivity_[row * kSize + z].hits;
+        forEachBit((*textured)[row] & bits(b.min[2], b.max[2]), [&](int z) {
+          sum += dense_.reflectivity[row * kSize + z].mean;
+          hits += dense_.reflectivity[row * kSize + z].hits;
           ++voxels;
         });
       }
@@ -190,16 +74,17 @@ void BlockGrid::emit(const LocalBox& b, Class c) {
 
 // Which voxels between the thresholds have the log odds of their next one along x, y, z.
 void BlockGrid::linkNeighbours() {
+  const Rows& between = voxels_->rows(Class::kBetween);
   const auto link = [this](int row, int next_row, int dz, std::uint32_t both) {
     std::uint32_t equal = 0;
-    const float *value = &value_[row * kSize], *next = &value_[next_row * kSize + dz];
+    const float *value = &dense_.log_odds[row * kSize], *next = &dense_.log_odds[next_row * kSize + dz];
     forEachBit(both, [&](int z) { equal |= static_cast<std::uint32_t>(value[z] == next[z]) << z; });
     return equal;
   };
   for (int row = 0; row < kSize * kSize; ++row) {
-    const std::uint32_t here = between_[row];
-    linked_[0][row] = row % kSize < kSize - 1 ? link(row, row + 1, 0, here & between_[row + 1]) : 0;
-    linked_[1][row] = row / kSize < kSize - 1 ? link(row, row + kSize, 0, here & between_[row + kSize]) : 0;
+    const std::uint32_t here = between[row];
+    linked_[0][row] = row % kSize < kSize - 1 ? link(row, row + 1, 0, here & between[row + 1]) : 0;
+    linked_[1][row] = row / kSize < kSize - 1 ? link(row, row + kSize, 0, here & between[row + kSize]) : 0;
     linked_[2][row] = link(row, row, 1, here & here >> 1);
   }
 }
@@ -282,22 +167,6 @@ void BlockGrid::fuseClass(Rows& open, Class c, const LocalBox& within, Sink&& si
   }
 }
 
-void BlockGrid::fuse(const std::vector<int>& selected, std::vector<Cell>& cells) {
-  if (fusible(Class::kBetween)) linkNeighbours();
-  out_.clear();
-  if (options_.fusion_strategy == FusionStrategy::kExpansion) {
-    splitPieces();
-    expand(selected);
-    for (const Piece& piece : pieces_) emit(piece.box, piece.c);
-  } else {
-    for (const Class c : {Class::kHigh, Class::kBetween, Class::kLow}) {
-      Rows open = rowsOf(c);
-      fuseClass(open, c, {{0, 0, 0}, {kSize, kSize, kSize}}, [&](const LocalBox& box) { emit(box, c); });
-    }
-  }
-  order(cells);
-}
-
 // Occupied cells first, so that they share leaves, then by sub-blocks of 8^3 voxels along a Z-order curve;
 // within those, single voxels first, since a run of like cells unpacks faster.
 void BlockGrid::order(std::vector<Cell>& cells) {
@@ -330,13 +199,19 @@ void BlockGrid::order(std::vector<Cell>& cells) {
 
 // Starts from the cells that the block came with. Where observations contradicted one it is split: what still
 // agrees stays in cuboids as large as possible. Voxels that are new become cells of their own.
-void BlockGrid::splitPieces() {
-  std::vector<Piece> before;
-  before.swap(pieces_);
+void BlockGrid::splitPieces(const std::vector<VoxelBox>& before) {
+  pieces_.clear();
   for (const Class c : {Class::kHigh, Class::kBetween, Class::kLow}) {
-    Rows open = rowsOf(c);
+    Rows open = voxels_->rows(c);
     const auto add = [&](const LocalBox& box) { pieces_.push_back({box, c}); };
-    for (const Piece& p : before) fuseClass(open, c, p.box, add);
+    for (const VoxelBox& b : before) {
+      LocalBox local;
+      for (int i = 0; i < 3; ++i) {
+        local.min[i] = b.min[i] - base_[i];
+        local.max[i] = b.max[i] - base_[i];
+      }
+      fuseClass(open, c, local, add);
+    }
     for (int row = 0; row < kSize * kSize; ++row) {
       const int x = row % kSize, y = row / kSize;
       forEachBit(open[row], [&](int z) { add({{x, y, z}, {x + 1, y + 1, z + 1}}); });
@@ -346,7 +221,7 @@ void BlockGrid::splitPieces() {
 
 void BlockGrid::expand(const std::vector<int>& selected) {
   constexpr std::uint16_t kNobody = 0xffff;
-  owner_.assign(value_.size(), kNobody);
+  owner_.assign(dense_.log_odds.size(), kNobody);
   for (std::size_t i = 0; i < pieces_.size(); ++i) own(static_cast<int>(i), pieces_[i].box);
   for (const int voxel : selected) {
     if (owner_[voxel] == kNobody) continue;
@@ -368,7 +243,7 @@ void BlockGrid::own(int number, const LocalBox& box) {
 
 // Whether all voxels of the slab are of this class and have these log odds.
 bool BlockGrid::slabFits(Class c, float log_odds, const LocalBox& slab) const {
-  const Rows& rows = rowsOf(c);
+  const Rows& rows = voxels_->rows(c);
   const std::uint32_t mask = bits(slab.min[2], slab.max[2]);
   for (int y = slab.min[1]; y < slab.max[1]; ++y) {
     for (int x = slab.min[0]; x < slab.max[0]; ++x) {

@@ -81,9 +81,11 @@ Cell readCell(ArchiveReader& read, const Options& options, const LogOddsModel& m
 void OccupancyMap::save(const std::string& path) const {
   mapping_common::writeArchive(path, kFormat, [this](ArchiveWriter& write) {
     Options options = options_;
+    options.threads = Options().threads;  // of the machine, not of the map
+    options.working_set_memory = Options().working_set_memory;
     write(mapping_common::optionsOf(options));
-    write(static_cast<std::uint64_t>(tree_.size()));
-    tree_.visitAll([&](const Cell& cell) {
+    write(static_cast<std::uint64_t>(tree().size()));
+    tree().visitAll([&](const Cell& cell) {
       write(cell.box);
       write(cell.log_odds);
       if (options_.reflectivity) write(cell.reflectivity);
@@ -92,10 +94,12 @@ void OccupancyMap::save(const std::string& path) const {
   });
 }
 
-OccupancyMap OccupancyMap::load(const std::string& path) {
+OccupancyMap OccupancyMap::load(const std::string& path, const Options& machine) {
   OccupancyMap map;
-  mapping_common::readArchive(path, kFormat, [&map](ArchiveReader& read) {
-    const Options options = readOptions(read);
+  mapping_common::readArchive(path, kFormat, [&](ArchiveReader& read) {
+    Options options = readOptions(read);
+    options.threads = machine.threads;
+    options.working_set_memory = machine.working_set_memory;
     const auto count = read.next<std::uint64_t>();
     const std::size_t cell_size =
         sizeof(VoxelBox) + sizeof(float) + (options.reflectivity ? sizeof(Reflectivity) : 0);
@@ -113,19 +117,21 @@ OccupancyMap OccupancyMap::load(const std::string& path) {
 
 OccupancyMap OccupancyMap::fromCells(const Options& options, std::vector<Cell> cells) {
   OccupancyMap map(options);
+  const LogOddsModel& model = map.insertion_->model;
+  DenseBlock& dense = map.insertion_->buffers[0]->dense;
+  BlockVoxels voxels;
   const auto block = [](const Cell& c) { return blockOf(Voxel{c.box.min[0], c.box.min[1], c.box.min[2]}); };
   std::stable_sort(cells.begin(), cells.end(),
                    [&block](const Cell& a, const Cell& b) { return block(a) < block(b); });
   for (auto first = cells.begin(); first != cells.end();) {
     const Block here = block(*first);
-    map.insertion_->grid.start(here);
+    voxels.start();
     std::int64_t volume = 0;
     for (; first != cells.end() && block(*first) == here; ++first) {
-      map.insertion_->grid.add(first->box, first->log_odds, first->reflectivity);
+      voxels.add(localBox(first->box, boxOf(here)), first->log_odds, first->reflectivity, model, dense);
       volume += first->box.volume();
     }
-    if (map.insertion_->grid.knownVoxels() != volume) throw std::runtime_error("it holds cells that overlap");
-    map.indexBlock(here);
+    if (voxels.knownVoxels() != volume) throw std::runtime_error("it holds cells that overlap");
   }
   map.tree_.bulkLoad(std::move(cells));
   return map;

@@ -5,16 +5,12 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "block_grid.h"
 #include "insertion.h"
 #include "log_odds.h"
 #include "scan_raster.h"
 
 namespace rtree_occupancy_map {
 namespace {
-
-// A block with fewer voxels at the lower threshold than this does without an index of them.
-constexpr int kWorthIndexing = 512;
 
 // In voxels: 0.6 m / 0.1 m isn't 6.
 constexpr double kRounding = 1e-6;
@@ -44,7 +40,20 @@ void OccupancyMap::setRange(double min_range, double max_range) {
 
 void OccupancyMap::clear() {
   tree_.clear();
-  settled_free_.clear();
+  insertion_->working_set.clear();
+}
+
+const RTree& OccupancyMap::tree() const {
+  return treeWithin(VoxelBox::all());
+}
+
+const RTree& OccupancyMap::treeWithin(const VoxelBox& region) const {
+  return treeWhere([&region](const VoxelBox& block) { return region.overlaps(block); });
+}
+
+const RTree& OccupancyMap::treeWhere(const std::function<bool(const VoxelBox&)>& asked_for) const {
+  insertion_->working_set.writeBack(asked_for, tree_);
+  return tree_;
 }
 
 // ---- insertion ----------------------------------------------------------------------------------
@@ -61,7 +70,7 @@ void OccupancyMap::rasterize(const Scan& scan, InsertReport& report) {
   // Cells at random places along a beam, in proportion to its length (2.5.2, "Cell Selection").
   std::uniform_real_distribution<float> uniform(0.0F, 1.0F);
   const auto select = [&](const Voxel& v) {
-    in.selected.push_back({in.raster.slotOf(blockOf(v)), BlockGrid::indexOf(v), 0.0F});
+    in.selected.push_back({in.raster.slotOf(blockOf(v)), indexInBlock(v), 0.0F});
   };
   const auto addBeam = [&](const Voxel& end_voxel, const Eigen::Vector3f& end) {
     in.raster.addBeam(end_voxel, end);
@@ -116,7 +125,7 @@ void OccupancyMap::rasterize(const Scan& scan, InsertReport& report) {
     }
     if (options_.reflectivity && !scan.reflectivity.empty() && std::isfinite(scan.reflectivity[i])) {
       in.reflectivity.push_back(
-          {in.raster.slotOf(blockOf(voxel)), BlockGrid::indexOf(voxel), scan.reflectivity[i]});
+          {in.raster.slotOf(blockOf(voxel)), indexInBlock(voxel), scan.reflectivity[i]});
     }
   }
   for (const Eigen::Vector3f& end : scan.misses) {
@@ -143,88 +152,56 @@ InsertReport OccupancyMap::insertScan(const Scan& scan) {
   Insertion& in = *insertion_;
   Insertion::sortBySlot(in.reflectivity);
   Insertion::sortBySlot(in.selected);
+  in.working_set.startScan();
 
-  auto reflectivity = in.reflectivity.begin();
-  auto selected = in.selected.begin();
-  for (std::uint32_t slot = 0; slot < in.raster.size(); ++slot) {
-    const ScanRaster::Mask& mask = in.raster.mask(slot);
-    const auto first_reflectivity = reflectivity;
-    while (reflectivity != in.reflectivity.end() && reflectivity->slot == slot) ++reflectivity;
-    in.selected_in_block.clear();
-    for (; selected != in.selected.end() && selected->slot == slot; ++selected)
-      in.selected_in_block.push_back(selected->voxel);
-
-    const Block& block = in.raster.block(slot);
-    const bool more = first_reflectivity != reflectivity || !in.selected_in_block.empty();
-    if (!more && changesNothing(block, slot)) continue;
-    loadBlock(block);
-    const bool changed = in.grid.update(mask);
-    if (!changed && !more) continue;
-    for (auto r = first_reflectivity; r != reflectivity; ++r) in.grid.addReflectivity(r->voxel, r->value);
-    storeBlock(block);
-    report.changed_blocks.push_back(block);
+  std::vector<WorkingSet::Entry*> entries(in.raster.size());
+  for (std::size_t slot = 0; slot < entries.size(); ++slot) {
+    entries[slot] = &in.working_set.at(in.raster.block(slot));
   }
+  std::vector<char> changed(entries.size());
+  in.pool.run(entries.size(), [&](std::size_t slot, int worker) {
+    changed[slot] = in.update(static_cast<std::uint32_t>(slot), *entries[slot], tree_, *in.buffers[worker]);
+  });
+  for (std::size_t slot = 0; slot < entries.size(); ++slot) {
+    if (!changed[slot]) continue;
+    in.working_set.setChanged(*entries[slot]);
+    report.changed_blocks.push_back(entries[slot]->block);
+  }
+  std::sort(report.changed_blocks.begin(), report.changed_blocks.end());
+  in.working_set.trim(tree_);
   return report;
 }
 
-// Whether the scan does no more than cross voxels of this block that are at the lower threshold already.
-bool OccupancyMap::changesNothing(const Block& block, std::uint32_t slot) const {
-  const ScanRaster::Mask& mask = insertion_->raster.mask(slot);
-  const auto found = settled_free_.find(ScanRaster::key(block));
-  const std::uint32_t* settled = found == settled_free_.end() ? nullptr : found->second->data();
-  for (int y = 0; y < kBlockSize; ++y) {
-    for (int x = 0; x < kBlockSize; ++x) {
-      const std::uint32_t known = settled != nullptr ? settled[y * kBlockSize + x] : 0;
-      if ((mask.hit(x, y) | (mask.crossed(x, y) & ~known)) != 0) return false;
-    }
-  }
-  return true;
-}
-
-void OccupancyMap::loadBlock(const Block& block) {
-  BlockGrid& grid = insertion_->grid;
-  grid.start(block);
-  const VoxelBox box = boxOf(block);
-  tree_.visitLeaves(box, [&](const RTree::Leaf& leaf) { grid.add(leaf, box); });
-}
-
-void OccupancyMap::storeBlock(const Block& block) {
-  Insertion& in = *insertion_;
-  in.grid.fuse(in.selected_in_block, in.cells);
-  tree_.replace(boxOf(block), in.cells);
-  indexBlock(block);
-}
-
-// Brings settled_free_ up to date with the block in the grid.
-void OccupancyMap::indexBlock(const Block& block) {
-  const BlockGrid::Rows& rows = insertion_->grid.settledFree();
-  int settled = 0;
-  for (const std::uint32_t row : rows) settled += __builtin_popcount(row);
-  if (settled < kWorthIndexing) {
-    settled_free_.erase(ScanRaster::key(block));
-    return;
-  }
-  std::unique_ptr<Rows>& entry = settled_free_[ScanRaster::key(block)];
-  if (!entry) entry = std::make_unique<Rows>();
-  *entry = rows;
+bool OccupancyMap::Insertion::update(std::uint32_t slot, WorkingSet::Entry& entry, const RTree& tree,
+                                     Buffer& buffer) const {
+  if (!entry.loaded) working_set.load(entry, tree, buffer.dense);
+  raster.gather(slot, buffer.mask);
+  const bool changed = entry.voxels.update(buffer.mask, model, settle, buffer.dense);
+  std::vector<std::pair<int, float>> returns;
+  for (auto [r, end] = marksOf(slot, reflectivity); r != end; ++r) returns.emplace_back(r->voxel, r->value);
+  if (!returns.empty()) entry.voxels.addReflectivity(returns, buffer.dense);
+  for (auto [s, end] = marksOf(slot, selected); s != end; ++s) entry.selected.push_back(s->voxel);
+  return changed || !returns.empty() || !entry.selected.empty();
 }
 
 std::vector<Block> OccupancyMap::clearBox(const Eigen::Vector3d& min, const Eigen::Vector3d& max) {
   const VoxelBox box = boxOf(min, max);
   std::vector<Block> touched, changed;
-  tree_.visitOverlapping(box, [&](const Cell& cell) {
+  treeWithin(box).visitOverlapping(box, [&](const Cell& cell) {
     touched.push_back(blockOf({cell.box.min[0], cell.box.min[1], cell.box.min[2]}));
     return true;
   });
   std::sort(touched.begin(), touched.end());
   touched.erase(std::unique(touched.begin(), touched.end()), touched.end());
-  insertion_->selected_in_block.clear();
+  Insertion& in = *insertion_;
   for (const Block& block : touched) {
-    loadBlock(block);
-    if (!insertion_->grid.setFree(box)) continue;
-    storeBlock(block);
+    WorkingSet::Entry& entry = in.working_set.at(block);
+    if (!entry.loaded) in.working_set.load(entry, tree_, in.buffers[0]->dense);
+    if (!entry.voxels.setFree(localBox(intersect(box, boxOf(block)), boxOf(block)))) continue;
+    in.working_set.setChanged(entry);
     changed.push_back(block);
   }
+  in.working_set.trim(tree_);
   return changed;
 }
 
@@ -232,11 +209,12 @@ std::vector<Block> OccupancyMap::clearBox(const Eigen::Vector3d& min, const Eige
 
 std::optional<Cell> OccupancyMap::cellAt(const Voxel& voxel) const {
   std::optional<Cell> found;
-  tree_.visitIf([&voxel](const VoxelBox& b) { return b.contains(voxel); },
-                [&found](const Cell& cell) {
-                  found = cell;
-                  return false;
-                });
+  treeWithin(VoxelBox::unit(voxel))
+      .visitIf([&voxel](const VoxelBox& b) { return b.contains(voxel); },
+               [&found](const Cell& cell) {
+                 found = cell;
+                 return false;
+               });
   return found;
 }
 
@@ -262,7 +240,7 @@ std::vector<Cell> OccupancyMap::nearestOccupied(const Eigen::Vector3d& point, st
     const Eigen::Vector3d outside = (minCorner(box) - point).cwiseMax(point - maxCorner(box)).cwiseMax(0.0);
     return outside.squaredNorm();
   };
-  tree_.visitByDistance(true, squaredDistance, [&](const Cell& cell, double) {
+  tree().visitByDistance(true, squaredDistance, [&](const Cell& cell, double) {
     nearest.push_back(cell);
     return nearest.size() < k;
   });
@@ -270,14 +248,13 @@ std::vector<Cell> OccupancyMap::nearestOccupied(const Eigen::Vector3d& point, st
 }
 
 std::size_t OccupancyMap::memoryUsage() const {
-  return tree_.memoryUsage() + settled_free_.bucket_count() * sizeof(void*) +
-         settled_free_.size() * (sizeof(Rows) + 4 * sizeof(void*));
+  return tree_.memoryUsage() + insertion_->working_set.memoryUsage();
 }
 
 Statistics OccupancyMap::statistics() const {
   Statistics s;
   std::int64_t occupied = 0, free = 0;
-  tree_.visitAll([&](const Cell& cell) {
+  tree().visitAll([&](const Cell& cell) {
     const bool is_occupied = isOccupied(cell);
     ++(is_occupied ? s.occupied_cells : s.free_cells);
     (is_occupied ? occupied : free) += cell.box.volume();

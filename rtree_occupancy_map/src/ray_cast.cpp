@@ -28,7 +28,8 @@ RayHit OccupancyMap::castRay(const Eigen::Vector3d& origin, const Eigen::Vector3
   RayHit hit;
   double known = 0.0;  // up to here the ray ran through known space
   double end = length;
-  tree_.visitAlong(ray, ignore_unknown, [&](const Cell& cell, double distance) {
+  const RTree& tree = treeWhere([&ray](const VoxelBox& block) { return !ray.inside(block).empty(); });
+  tree.visitAlong(ray, ignore_unknown, [&](const Cell& cell, double distance) {
     if (!ignore_unknown && distance > known + kGap) return false;
     if (isOccupied(cell)) {
       hit.result = RayHit::Result::kOccupied;

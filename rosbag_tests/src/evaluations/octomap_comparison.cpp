@@ -2,8 +2,8 @@
 #include <rosbag_tests/evaluations/octomap_comparison.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
+#include <ctime>
 #include <iomanip>
 #include <ostream>
 #include <sstream>
@@ -24,13 +24,21 @@ using rtree_occupancy_map::SensorModel;
 constexpr int kAccessPasses = 7;
 constexpr int kOctomapOrigin = 32768;  // OctoMap's key of voxel 0
 
+// Processor time of this thread, which other processes don't stretch, or elapsed time.
 class Stopwatch {
  public:
-  double seconds() const { return std::chrono::duration<double>(Clock::now() - start_).count(); }
+  explicit Stopwatch(bool elapsed = false)
+      : clock_(elapsed ? CLOCK_MONOTONIC : CLOCK_THREAD_CPUTIME_ID), start_(now()) {}
+  double seconds() const { return now() - start_; }
 
  private:
-  using Clock = std::chrono::steady_clock;
-  Clock::time_point start_ = Clock::now();
+  double now() const {
+    timespec t;
+    clock_gettime(clock_, &t);
+    return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
+  }
+  const clockid_t clock_;
+  const double start_;
 };
 
 double median(std::vector<double> values) {
@@ -45,8 +53,9 @@ volatile double sink;
 
 }  // namespace
 
-OctomapComparison::OctomapComparison(const std::vector<Options>& options)
-    : octree_(options.empty() ? 1.0 : options[0].resolution) {
+OctomapComparison::OctomapComparison(const std::vector<Options>& options, std::size_t write_back_every)
+    : write_back_every_(write_back_every), octree_(options.empty() ? 1.0 : options[0].resolution) {
+  if (write_back_every == 0) throw std::invalid_argument("write_back_every is 0, allowed is 1 or more");
   if (options.empty()) throw std::invalid_argument("there is no map to compare");
   const Options& first = options[0];
   for (const Options& o : options) {
@@ -98,14 +107,16 @@ void OctomapComparison::insert(const PosedScan& posed) {
   }
   const octomap::point3d origin(scan.origin.x(), scan.origin.y(), scan.origin.z());
   const std::size_t contestants = maps_.size() + 1;
+  const bool elapsed = maps_[0].options().threads != 1;
   for (std::size_t k = 0; k < contestants; ++k) {
     const std::size_t i = (k + scans_) % contestants;
-    const Stopwatch watch;
+    const Stopwatch watch(elapsed);
     if (i == maps_.size()) {
       insertIntoOctomap(cloud, origin);
       octomap_seconds_ += watch.seconds();
     } else {
       maps_[i].insertScan(scan);
+      if ((scans_ + 1) % write_back_every_ == 0) maps_[i].tree();
       map_seconds_[i] += watch.seconds();
     }
   }
@@ -192,6 +203,11 @@ ComparisonResult OctomapComparison::finish() {
   const auto perPoint = [this](double seconds) {
     return points_ > 0 ? 1e9 * seconds / static_cast<double>(points_) : 0.0;
   };
+  for (std::size_t i = 0; i < maps_.size(); ++i) {
+    const Stopwatch watch(maps_[0].options().threads != 1);
+    maps_[i].tree();
+    map_seconds_[i] += watch.seconds();
+  }
   octree_.prune();
   result.octomap.insertion_ns_per_point = perPoint(octomap_seconds_);
   result.octomap.cells = octree_.getNumLeafNodes();

@@ -32,7 +32,7 @@ struct Arguments {
   std::string scans, poses, bag, json, save;
   rosbag_tests::BagScansOptions bag_options;
   std::vector<Options> options;
-  long first = 0, last = std::numeric_limits<long>::max(), step = 1;
+  long first = 0, last = std::numeric_limits<long>::max(), step = 1, write_back_every = 5;
 };
 
 /// False if help was asked for and printed. Throws po::error or std::invalid_argument for wrong usage.
@@ -66,6 +66,10 @@ bool parse(int argc, char** argv, Arguments& a) {
   add("first", po::value(&a.first)->default_value(a.first), "index of the first scan, from 0");
   add("last", po::value(&a.last), "index of the last scan; by default the last there is");
   add("step", po::value(&a.step)->default_value(a.step), "take each N-th scan");
+  add("write-back-every", po::value(&a.write_back_every)->default_value(a.write_back_every),
+      "bring all cells of the R-tree up to date every N scans, within the measured time");
+  o.threads = 1;
+  addOption(all, "threads", o, "threads");
   add("json", po::value(&a.json), "write the figures to this file");
   add("save", po::value(&a.save), "save the (first) R-tree map to this file");
   po::variables_map values;
@@ -79,6 +83,7 @@ bool parse(int argc, char** argv, Arguments& a) {
   po::notify(values);
   if (a.scans.empty() == a.bag.empty()) throw po::error("either --scans or --bag is needed");
   if (a.step < 1) throw po::error("--step must be at least 1");
+  if (a.write_back_every < 1) throw po::error("--write-back-every must be at least 1");
   if (a.first < 0 || a.last < a.first) throw po::error("--first must be at least 0, --last at least --first");
   mapping_common::OptionList options = mapping_common::optionsOf(o);
   for (const std::string& rule : fusion) {
@@ -102,7 +107,7 @@ void compare(const Arguments& a) {
     bag = bag_source.get();
     source = std::move(bag_source);
   }
-  rosbag_tests::OctomapComparison comparison(a.options);
+  rosbag_tests::OctomapComparison comparison(a.options, static_cast<std::size_t>(a.write_back_every));
   mapping_simulation::PosedScan scan;
   std::size_t inserted = 0;
   for (long i = 0; i <= a.last && source->next(scan); ++i) {

@@ -9,7 +9,6 @@
 #include <memory>
 #include <optional>
 #include <string>
-#include <unordered_map>
 #include <vector>
 
 #include "rtree_occupancy_map/cell.h"
@@ -75,7 +74,9 @@ class OccupancyMap {
   ~OccupancyMap();
 
   const Options& options() const { return options_; }
-  const RTree& tree() const { return tree_; }
+  /// All cells. A reference that is kept across an insertion doesn't see what that changes until the next
+  /// call.
+  const RTree& tree() const;
 
   /// Changes the range limits of Options for the scans to come (m).
   /// @throws std::invalid_argument that names the option, its value and what is allowed
@@ -102,16 +103,18 @@ class OccupancyMap {
   /// Calls `visit(cell)` for each cell that overlaps the box (m), until it returns false.
   template <class Visit>
   void visitBox(const Eigen::Vector3d& min, const Eigen::Vector3d& max, Visit&& visit) const {
-    tree_.visitOverlapping(boxOf(min, max), visit);
+    const VoxelBox box = boxOf(min, max);
+    treeWithin(box).visitOverlapping(box, visit);
   }
   template <class Visit>
   void visitBlock(const Block& block, Visit&& visit) const {
-    tree_.visitOverlapping(boxOf(block), visit);
+    const VoxelBox box = boxOf(block);
+    treeWithin(box).visitOverlapping(box, visit);
   }
   /// Calls `visit(cell)` for each occupied cell, until it returns false; free cells are not touched.
   template <class Visit>
   void visitOccupied(Visit&& visit) const {
-    tree_.visitOccupied(visit);
+    tree().visitOccupied(visit);
   }
 
   /// Follows a ray. With ignore_unknown it passes through unknown space, otherwise it ends there.
@@ -151,25 +154,23 @@ class OccupancyMap {
   void save(const std::string& path) const;
   /// @throws std::runtime_error that says what is wrong with the file: foreign, another version, truncated,
   /// corrupted
-  static OccupancyMap load(const std::string& path);
+  /// @param machine options of which threads and working_set_memory are taken, which a file doesn't settle
+  static OccupancyMap load(const std::string& path, const Options& machine = {});
 
  private:
-  using Rows = std::array<std::uint32_t, kBlockSize * kBlockSize>;
-
   struct Insertion;
 
   static OccupancyMap fromCells(const Options& options, std::vector<Cell> cells);
   void rasterize(const Scan& scan, InsertReport& report);
-  bool changesNothing(const Block& block, std::uint32_t slot) const;
-  void loadBlock(const Block& block);
-  void storeBlock(const Block& block);
-  void indexBlock(const Block& block);
+  // The tree with the cells of those blocks up to date that overlap the region, or whose boxes pass
+  // asked_for.
+  const RTree& treeWithin(const VoxelBox& region) const;
+  const RTree& treeWhere(const std::function<bool(const VoxelBox&)>& asked_for) const;
 
   Options options_;
-  RTree tree_;
-  // Beside the tree: the voxels at the lower clamping threshold, for blocks that have many of them. A beam
-  // through them changes nothing, and most of what a scan crosses is such.
-  std::unordered_map<std::uint64_t, std::unique_ptr<Rows>> settled_free_;
+  // Cells of blocks in the working set (part of Insertion) may be out of date; treeWithin() brings them up to
+  // date, which is all that const functions change.
+  mutable RTree tree_;
   std::unique_ptr<Insertion> insertion_;
 };
 

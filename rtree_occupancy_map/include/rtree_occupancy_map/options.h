@@ -55,7 +55,9 @@ struct Options {
   std::uint64_t seed = 1;
   bool dynamic = true;
   bool reflectivity = false;
-  RTreeOptions tree;  ///< those that it doesn't describe are set by the map
+  int threads = 0;
+  double working_set_memory = 64.0;  ///< MiB
+  RTreeOptions tree;                 ///< those that it doesn't describe are set by the map
 
   void describe(mapping_common::OptionList& o) {
     o("resolution", resolution, "m", "edge of a voxel, the smallest cell").above(0.0).below(1e6);
@@ -102,6 +104,14 @@ struct Options {
       "expansion: cells selected along each beam, besides its end; more fuse more, and take more time")
         .within(0.0, 1000.0);
     o("seed", seed, "", "expansion: of that selection. The same seed and scans give the same map").atLeast(0);
+    o("threads", threads, "",
+      "of an insertion, 0: as many as there are cores; the map is the same whatever their number")
+        .within(0, 256);
+    o("working_set_memory", working_set_memory, "MiB",
+      "blocks that the last scans touched are kept taken apart into voxels, for the scans to come; what "
+      "exceeds "
+      "this goes back into the R-tree after each scan")
+        .within(0.0, 1e6);
     o.group("tree", "the R-tree, a trade of memory against time", tree);
     o.require(prior >= prob_miss && prior <= prob_hit && prior > clamping_min && prior < clamping_max,
               "sensor_model/prior", "miss to hit, between the clamping thresholds");

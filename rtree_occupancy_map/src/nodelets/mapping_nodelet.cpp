@@ -250,7 +250,7 @@ bool MappingNodelet::loadMap(mapping_msgs::LoadMap::Request& request,
 
 // A map comes with all that it was built with, but for the limits of the range.
 std::string MappingNodelet::load(const std::string& path) {
-  OccupancyMap map = OccupancyMap::load(path);
+  OccupancyMap map = OccupancyMap::load(path, map_.options());
   map.setRange(parameters_.map.min_range, parameters_.map.max_range);
   map_ = std::move(map);
   std::ostringstream text;

@@ -22,7 +22,8 @@ struct MapFigures {
   std::size_t cells = 0;        ///< OctoMap: leaves after pruning; R-tree: entries of its leaf nodes
   std::size_t inner_nodes = 0;  ///< the hierarchy above the cells; R-tree: all of its nodes
   std::size_t occupied_cells = 0;
-  double insertion_ns_per_point = 0.0;  ///< fusion or pruning included; points are in the map frame already
+  double insertion_ns_per_point = 0.0;  ///< fusion or pruning included; points are in the map frame already.
+                                        ///< Processor time with one thread, elapsed time with several
   double occupied_access_s = 0.0;       ///< to visit all occupied cells: median of several passes
   std::size_t memory_bytes = 0;
 };
@@ -44,8 +45,10 @@ struct ComparisonResult {
 class OctomapComparison {
  public:
   /// One R-tree map for each element; resolution, sensor model, probabilities and maximum range must agree.
+  /// @param write_back_every after so many scans all cells are brought up to date in the R-trees, at least 1
   /// @throws std::invalid_argument if they don't, or as rtree_occupancy_map::Options::validate
-  explicit OctomapComparison(const std::vector<rtree_occupancy_map::Options>& options);
+  explicit OctomapComparison(const std::vector<rtree_occupancy_map::Options>& options,
+                             std::size_t write_back_every = 1);
 
   /// Inserts the scan into all maps, in an order that changes from scan to scan. Non-finite points are left
   /// out.
@@ -61,6 +64,7 @@ class OctomapComparison {
   void measureAccess(ComparisonResult& result) const;
   void compareVoxels(ComparisonResult& result) const;
 
+  const std::size_t write_back_every_;
   octomap::OcTree octree_;
   std::vector<rtree_occupancy_map::OccupancyMap> maps_;
   std::size_t scans_ = 0, points_ = 0;

@@ -1,0 +1,277 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// Blocks stay taken apart between scans: nobody may notice.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <random>
+#include <stdexcept>
+#include <tuple>
+
+#include "plain_grid.h"
+#include "worker_pool.h"
+
+namespace rtree_occupancy_map {
+namespace {
+
+Options options(double working_set_memory = Options().working_set_memory) {
+  Options o;
+  o.resolution = 0.1;
+  o.working_set_memory = working_set_memory;
+  return o;
+}
+
+// Each cell as it is in the tree, in an order of their own.
+std::vector<std::tuple<std::array<std::int16_t, 3>, std::array<std::int16_t, 3>, float>> cellsOf(
+    const OccupancyMap& map) {
+  std::vector<std::tuple<std::array<std::int16_t, 3>, std::array<std::int16_t, 3>, float>> cells;
+  map.tree().visitAll([&cells](const Cell& c) {
+    cells.emplace_back(c.box.min, c.box.max, c.log_odds);
+    return true;
+  });
+  std::sort(cells.begin(), cells.end());
+  return cells;
+}
+
+void expectEqual(const OccupancyMap& map, const PlainGrid& grid) {
+  bool disjoint = false;
+  EXPECT_TRUE(voxelsOf(map, &disjoint) == grid.voxels());
+  EXPECT_TRUE(disjoint);
+  EXPECT_EQ(map.tree().checkInvariants(), "");
+}
+
+/// Asks one map something and expects of it what the voxels of the plain grid say, or a map whose tree is
+/// always up to date.
+class Asker {
+ public:
+  explicit Asker(unsigned seed) : random_(seed) {}
+
+  void ask(const OccupancyMap& map, const PlainGrid& grid, const OccupancyMap& current) {
+    const Eigen::Vector3d p(uniform(6.0), uniform(6.0), uniform(3.0));
+    switch (std::uniform_int_distribution<int>(0, 5)(random_)) {
+      case 0: {
+        const std::optional<Cell> cell = map.cellAt(p);
+        const auto expected = grid.voxels().find(grid.voxelOf(p.cast<float>()));
+        ASSERT_EQ(cell.has_value(), expected != grid.voxels().end());
+        if (cell) EXPECT_EQ(cell->log_odds, expected->second);
+        break;
+      }
+      case 1:
+        expectVoxels(grid, map.boxOf(p, p + Eigen::Vector3d(1.0, 2.0, 0.5)),
+                     [&](auto&& visit) { map.visitBox(p, p + Eigen::Vector3d(1.0, 2.0, 0.5), visit); });
+        break;
+      case 2: {
+        const Block block = OccupancyMap::blockOf(grid.voxelOf(p.cast<float>()));
+        expectVoxels(grid, OccupancyMap::boxOf(block), [&](auto&& visit) { map.visitBlock(block, visit); });
+        break;
+      }
+      case 3: {
+        const Eigen::Vector3d origin(0.05, 0.05, 0.05);
+        const bool ignore_unknown = p.z() > 0.0;
+        const RayHit hit = map.castRay(origin, p, 8.0, ignore_unknown),
+                     expected = current.castRay(origin, p, 8.0, ignore_unknown);
+        EXPECT_EQ(hit.result, expected.result);
+        EXPECT_EQ(hit.point, expected.point);
+        EXPECT_TRUE(hit.cell.box == expected.cell.box);
+        break;
+      }
+      case 4: {
+        std::size_t occupied = 0, expected = 0;
+        map.visitOccupied([&occupied](const Cell& c) {
+          occupied += static_cast<std::size_t>(c.box.volume());
+          return true;
+        });
+        for (const auto& voxel : grid.voxels()) expected += voxel.second >= 0.0F;
+        EXPECT_EQ(occupied, expected);
+        break;
+      }
+      default:
+        EXPECT_EQ(map.nearestOccupied(p, 1).empty(), map.statistics().occupied_cells == 0);
+    }
+  }
+
+ private:
+  double uniform(double limit) { return std::uniform_real_distribution<double>(-limit, limit)(random_); }
+
+  // What a query says of the voxels of a box.
+  static void expectVoxels(const PlainGrid& grid, const VoxelBox& box,
+                           const std::function<void(std::function<bool(const Cell&)>)>& query) {
+    std::map<Voxel, float> found, expected;
+    query([&](const Cell& c) {
+      const VoxelBox b = intersect(c.box, box);
+      for (int x = b.min[0]; x < b.max[0]; ++x)
+        for (int y = b.min[1]; y < b.max[1]; ++y)
+          for (int z = b.min[2]; z < b.max[2]; ++z) found[{x, y, z}] = c.log_odds;
+      return true;
+    });
+    for (const auto& voxel : grid.voxels()) {
+      if (box.contains(voxel.first)) expected.insert(voxel);
+    }
+    EXPECT_TRUE(found == expected);
+  }
+
+  std::mt19937 random_;
+};
+
+// With all memory, with what a block or two take, and with none.
+TEST(WorkingSet, QueriesBetweenScansSeeAndChangeNothing) {
+  const Options reference = options();
+  OccupancyMap silent(reference), current(reference);
+  std::vector<OccupancyMap> asked;
+  for (const double memory : {reference.working_set_memory, 0.04, 0.0}) asked.emplace_back(options(memory));
+  PlainGrid grid(reference);
+  RandomScans scans(21);
+  Asker asker(5 + testSeed());
+  std::mt19937 random(6 + testSeed());
+  for (int i = 0; i < 30; ++i) {
+    const Scan scan = scans.next(i < 20 ? 200 : 30);
+    grid.insert(scan);
+    silent.insertScan(scan);
+    current.insertScan(scan);
+    EXPECT_GT(current.tree().size(), 0U);
+    for (OccupancyMap& map : asked) {
+      map.insertScan(scan);
+      for (unsigned k = random() % 4; k > 0; --k) asker.ask(map, grid, current);
+    }
+  }
+  const auto cells = cellsOf(silent);
+  expectEqual(silent, grid);
+  for (const OccupancyMap& map : asked) {
+    EXPECT_TRUE(cellsOf(map) == cells);
+    expectEqual(map, grid);
+  }
+}
+
+TEST(WorkingSet, TakesNoMoreMemoryThanAllowed) {
+  OccupancyMap all(options()), some(options(0.1)), none(options(0));
+  RandomScans scans(22);
+  for (int i = 0; i < 12; ++i) {
+    const Scan scan = scans.next(300);
+    for (OccupancyMap* map : {&all, &some, &none}) map->insertScan(scan);
+    const std::size_t overhead = 20000;  // of the tables
+    EXPECT_LE(some.memoryUsage(), 104858 + some.tree().memoryUsage() + overhead);
+    EXPECT_LE(none.memoryUsage(), none.tree().memoryUsage() + overhead);
+    EXPECT_GT(all.memoryUsage(), 200000 + all.tree().memoryUsage());
+  }
+}
+
+TEST(WorkingSet, LetsGoOfBlocksThatAreLeftBehind) {
+  OccupancyMap map(options());
+  RandomScans scans(23);
+  map.insertScan(scans.next(300));
+  const std::size_t before = map.memoryUsage();
+  Scan elsewhere;
+  elsewhere.origin = {100.05F, 0.05F, 0.05F};
+  elsewhere.hits = {{100.55F, 0.05F, 0.05F}};
+  for (int i = 0; i < 10; ++i) map.insertScan(elsewhere);
+  EXPECT_LT(map.memoryUsage(), before);
+}
+
+TEST(WorkingSet, ClearsWhatHasNotGoneBackYet) {
+  OccupancyMap map(options());
+  Scan scan;
+  scan.origin = {0.05F, 0.05F, 0.05F};
+  scan.hits = {{1.05F, 0.05F, 0.05F}};
+  map.insertScan(scan);
+  EXPECT_EQ(map.clearBox({1.0, 0.0, 0.0}, {1.1, 0.1, 0.1}).size(), 1U);
+  EXPECT_EQ(map.stateAt({1.05, 0.05, 0.05}), VoxelState::kFree);
+  EXPECT_EQ(map.stateAt({0.55, 0.05, 0.05}), VoxelState::kFree);
+  map.insertScan(scan);
+  map.clear();
+  EXPECT_EQ(map.tree().size(), 0U);
+  map.insertScan(scan);
+  EXPECT_EQ(map.statistics().occupied_cells, 1U);
+}
+
+// The same cells in the same nodes, and the same reports.
+TEST(WorkerPool, AnyNumberOfThreadsMakesTheSameMap) {
+  for (const bool expansion : {false, true}) {
+    std::vector<OccupancyMap> maps;
+    for (const int threads : {1, 2, 3, 8}) {
+      Options o = options(expansion ? 0.2 : 0.06);
+      o.threads = threads;
+      o.reflectivity = expansion;
+      if (expansion) o.fusion_strategy = FusionStrategy::kExpansion;
+      maps.emplace_back(o);
+    }
+    RandomScans scans(24);
+    for (int i = 0; i < 15; ++i) {
+      Scan scan = scans.next(300);
+      if (expansion) scan.reflectivity.assign(scan.hits.size(), 0.1F * static_cast<float>(i));
+      std::vector<std::vector<Block>> changed;
+      for (OccupancyMap& map : maps) changed.push_back(map.insertScan(scan).changed_blocks);
+      for (const auto& blocks : changed) EXPECT_EQ(blocks, changed[0]);
+      if (i % 4 != 3) continue;
+      std::vector<std::vector<Cell>> cells(maps.size());
+      for (std::size_t k = 0; k < maps.size(); ++k) {
+        maps[k].tree().visitAll([&](const Cell& c) {
+          cells[k].push_back(c);
+          return true;
+        });
+      }
+      for (const auto& other : cells) {
+        ASSERT_EQ(other.size(), cells[0].size());
+        for (std::size_t c = 0; c < other.size(); ++c) {
+          EXPECT_TRUE(other[c].box == cells[0][c].box);
+          EXPECT_EQ(other[c].log_odds, cells[0][c].log_odds);
+          EXPECT_EQ(other[c].reflectivity.hits, cells[0][c].reflectivity.hits);
+        }
+      }
+    }
+  }
+}
+
+TEST(WorkerPool, DoesAllWorkOnceAndPassesExceptionsOn) {
+  WorkerPool pool(3);
+  EXPECT_EQ(pool.size(), 3);
+  for (int round = 0; round < 20; ++round) {
+    std::vector<int> done(100);
+    pool.run(done.size(), [&done](std::size_t i, int) { ++done[i]; });
+    EXPECT_EQ(done, std::vector<int>(100, 1));
+  }
+  EXPECT_THROW(pool.run(10,
+                        [](std::size_t i, int) {
+                          if (i == 7) throw std::runtime_error("seven");
+                        }),
+               std::runtime_error);
+  pool.run(0, [](std::size_t, int) { FAIL(); });
+  EXPECT_GE(WorkerPool(0).size(), 1);
+}
+
+// Where a beam meets edges and corners of voxels, the order of the steps decides what it crosses.
+TEST(BeamTracer, EqualsAPlainGridAtEdgesAndCorners) {
+  for (const float offset : {0.0F, 0.125F, 0.25F}) {  // corner, in between, centre
+    Options o = options();
+    o.resolution = 0.5;
+    OccupancyMap map(o);
+    PlainGrid grid(o);
+    std::mt19937 random(3 + testSeed());
+    std::uniform_int_distribution<int> cell(-60, 60);
+    for (int i = 0; i < 4; ++i) {
+      Scan scan;
+      scan.origin = Eigen::Vector3f(0.5F * cell(random), 0.5F * cell(random), 0.5F * cell(random)) +
+                    Eigen::Vector3f::Constant(offset);
+      for (int k = 0; k < 300; ++k) {
+        const Eigen::Vector3f step(cell(random), cell(random), k % 3 == 0 ? 0.0F : cell(random));
+        scan.hits.push_back(scan.origin + (k % 2 == 0 ? 0.25F : 0.5F) * step);
+      }
+      for (const float far : {-40.0F, -3.0F, 7.0F, 33.0F}) {  // along axes and diagonals
+        scan.hits.push_back(scan.origin + Eigen::Vector3f(far, 0.0F, 0.0F));
+        scan.hits.push_back(scan.origin + Eigen::Vector3f(0.0F, far, far));
+        scan.hits.push_back(scan.origin + Eigen::Vector3f(far, -far, far));
+      }
+      map.insertScan(scan);
+      grid.insert(scan);
+    }
+    expectEqual(map, grid);
+  }
+}
+
+}  // namespace
+}  // namespace rtree_occupancy_map
+
+int main(int argc, char** argv) {
+  testing::InitGoogleTest(&argc, argv);
+  return RUN_ALL_TESTS();
+}
