@@ -167,17 +167,15 @@ bool BeamTracer::traceRuns(const Walk& walk) {
 
   std::uint32_t slot = origin_slot_;
   std::uint32_t* words = wordsOf(slot, A);
-  const int step_low = walk.sign[L], step_high = walk.sign[H] * kBlockSize;
-  const auto room = [&](int axis) {  // steps to the block's border
-    const int local = origin_voxel_[axis] & kMask;
-    return walk.sign[axis] > 0 ? kBlockSize - local : local + 1;
-  };
-  int room_low = room(L), room_high = room(H);
-  int row = (origin_voxel_[H] & kMask) * kBlockSize + (origin_voxel_[L] & kMask);
+  // The word in its plane, as high << 6 | low; the bit above each is set when a step leaves the block.
+  constexpr int kHighBit = 6, kOutside = kBlockSize | kBlockSize << kHighBit;
+  int code = (origin_voxel_[H] & kMask) << kHighBit | (origin_voxel_[L] & kMask);
+  const int step_low = walk.sign[L], step_high = walk.sign[H] * (1 << kHighBit);
   int a = 0;                                                                  // where the run begins
   int bit = kForward ? origin_voxel_[A] & kMask : ~origin_voxel_[A] & kMask;  // of a = 0, counted from entry
   int last_in_block = kMask - bit;
   const auto markUntil = [&](int end) {
+    const int row = code - (code >> kHighBit) * (kBlockSize);
     while (end > last_in_block) {
       words[row] |= kForward ? ~0u << (a + bit) : ~0u >> (a + bit);
       a = last_in_block + 1;
@@ -189,30 +187,23 @@ bool BeamTracer::traceRuns(const Walk& walk) {
     words[row] |= kForward ? (2u << (end + bit)) - (1u << (a + bit))
                            : (~0u >> (a + bit)) & (~0u << (kMask - (end + bit)));
   };
-  for (std::uint64_t left = static_cast<std::uint64_t>(walk.distance[L]) + walk.distance[H]; left > 0;
-       --left) {
-    const bool low = at_low < at_high;
-    const std::uint64_t border = low ? at_low : at_high;
-    if (static_cast<std::uint32_t>(border + error) < 2 * error) return false;  // beside one across A
-    if (at_low - at_high + 2 * error < 4 * error) return false;
+  for (int left = walk.distance[L] + walk.distance[H]; left > 0; --left) {
+    // Which of the two comes next is anybody's guess, so there is no branch.
+    const std::uint64_t low = at_low < at_high ? ~std::uint64_t{0} : 0;
+    const std::uint64_t border = std::min(at_low, at_high);
+    const bool beside_a = static_cast<std::uint32_t>(border + error) < 2 * error;
+    const bool beside_other = at_low - at_high + 2 * error < 4 * error;
+    if (beside_a | beside_other) return false;
     const int end = static_cast<int>(border >> 32);
     markUntil(end);
     a = end;
-    if (low) {
-      at_low += step[0];
-      row += step_low;
-      if (--room_low > 0) continue;
-      room_low = kBlockSize;
-      row -= step_low * kBlockSize;
-      slot = neighbourOf(slot, L, walk.sign[L]);
-    } else {
-      at_high += step[1];
-      row += step_high;
-      if (--room_high > 0) continue;
-      room_high = kBlockSize;
-      row -= step_high * kBlockSize;
-      slot = neighbourOf(slot, H, walk.sign[H]);
-    }
+    at_low += step[0] & low;
+    at_high += step[1] & ~low;
+    code += step_high + ((step_low - step_high) & static_cast<int>(low));
+    if ((code & kOutside) == 0) continue;
+    const int axis = low != 0 ? L : H;
+    code -= (low != 0 ? step_low : step_high) * kBlockSize;
+    slot = neighbourOf(slot, axis, walk.sign[axis]);
     words = wordsOf(slot, A);
   }
   if (a < walk.distance[A]) markUntil(walk.distance[A] - 1);  // the end's voxel is not crossed

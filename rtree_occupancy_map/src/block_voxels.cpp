@@ -11,7 +11,7 @@ void BlockVoxels::start() {
   high_.fill(0);
   between_.fill(0);
   begin_.fill(0);
-  log_odds_.clear();
+  log_odds_.assign(1, 0.0F);
   texture_.reset();
 }
 
@@ -37,12 +37,13 @@ void BlockVoxels::add(const VoxelBox& cell, float log_odds, const Reflectivity& 
 }
 
 void BlockVoxels::pack(const DenseBlock& dense) {
-  std::array<float, kBlockRows * kBlockSize> packed;
+  std::array<float, kBlockRows * kBlockSize + 1> packed;
   float* out = packed.data();
   for (int row = 0; row < kBlockRows; ++row) {
     begin_[row] = static_cast<std::uint16_t>(out - packed.data());
     forEachBit(between_[row], [&](int z) { *out++ = dense.log_odds[row * kBlockSize + z]; });
   }
+  *out++ = 0.0F;
   log_odds_.assign(packed.data(), out);
   packTexture(dense);
 }
@@ -72,47 +73,65 @@ void BlockVoxels::unpackTexture(DenseBlock& dense) const {
   }
 }
 
-// Rows that the scan changes are written anew, those between are moved as a whole.
+// Rows that the scan changes are written anew, those between are moved as a whole. What a voxel has been and
+// what becomes of it is looked up, as there is no foreseeing it for a branch.
 bool BlockVoxels::update(const ScanMask& mask, const LogOddsModel& model, bool settle, DenseBlock& buffer) {
-  const float* in = log_odds_.data();
+  const float* const in = log_odds_.data();
   float* const begin = buffer.log_odds.data();
   float* out = begin;
+  const float settled_at[] = {model.prior, model.min, model.max}, updates[] = {0.0F, model.miss, model.hit};
   int moved = 0;  // values that have been written, of those in log_odds_
   bool changed = false;
-  for (int row = 0; row < kBlockRows; ++row) {
-    const std::uint32_t low = low_[row], high = high_[row], between = between_[row];
+  for (int first = 0; first < kBlockRows; first += kBlockSize) {
     // At a threshold an update changes nothing or, in a static map, isn't made.
-    const std::uint32_t settled = settle ? low | high : 0;
-    const std::uint32_t hit = mask.hit[row] & ~high & ~settled, miss = mask.crossed[row] & ~low & ~settled;
-    if ((hit | miss) == 0) {
-      begin_[row] = static_cast<std::uint16_t>(begin_[row] + (out - begin) - moved);
+    const std::uint32_t settled = settle ? ~0u : 0;
+    std::uint32_t hits[kBlockSize], misses[kBlockSize], any = 0;
+    for (int x = 0; x < kBlockSize; ++x) {
+      const std::uint32_t low = low_[first + x], high = high_[first + x];
+      hits[x] = mask.hit[first + x] & ~(high | (low & settled));
+      misses[x] = mask.crossed[first + x] & ~(low | (high & settled));
+      any |= hits[x] | misses[x];
+    }
+    if (any == 0) {
+      const auto shift = static_cast<std::uint16_t>(out - begin - moved);
+      for (int x = 0; x < kBlockSize; ++x)
+        begin_[first + x] = static_cast<std::uint16_t>(begin_[first + x] + shift);
       continue;
     }
     changed = true;
-    const int here = begin_[row];
-    out = std::copy(in + moved, in + here, out);
-    moved = here;
-    begin_[row] = static_cast<std::uint16_t>(out - begin);
-    std::uint32_t new_low = low & ~hit, new_high = high & ~miss, new_between = 0;
-    forEachBit(between | hit | miss, [&](int z) {
-      const std::uint32_t bit = 1u << z;
-      float log_odds;
-      if ((between & bit) != 0) {
-        log_odds = in[moved++];
-      } else {
-        log_odds = (low & bit) != 0 ? model.min : (high & bit) != 0 ? model.max : model.prior;
+    for (int x = 0; x < kBlockSize; ++x) {
+      const int row = first + x;
+      const std::uint32_t hit = hits[x], miss = misses[x];
+      if ((hit | miss) == 0) {
+        begin_[row] = static_cast<std::uint16_t>(begin_[row] + (out - begin) - moved);
+        continue;
       }
-      log_odds += (hit & bit) != 0 ? model.hit : (miss & bit) != 0 ? model.miss : 0.0F;
-      const std::uint32_t is_low = log_odds <= model.min, is_high = log_odds >= model.max;
-      *out = log_odds;
-      out += 1 - static_cast<int>(is_low | is_high);
-      new_low |= is_low << z;
-      new_high |= is_high << z;
-      new_between |= ((is_low | is_high) ^ 1u) << z;
-    });
-    low_[row] = new_low;
-    high_[row] = new_high;
-    between_[row] = new_between;
+      const std::uint32_t low = low_[row], high = high_[row], between = between_[row];
+      if (const int here = begin_[row]; here != moved) {
+        out = std::copy(in + moved, in + here, out);
+        moved = here;
+      }
+      begin_[row] = static_cast<std::uint16_t>(out - begin);
+      std::uint32_t new_low = low & ~hit, new_high = high & ~miss;
+      std::uint32_t todo = between | hit | miss;
+      const std::uint32_t all = todo;
+      do {
+        const int z = __builtin_ctz(todo);
+        todo &= todo - 1;
+        const auto bit = [z](std::uint32_t word) { return word >> z & 1; };
+        const float* before = bit(between) != 0 ? in + moved : &settled_at[bit(low) | bit(high) << 1];
+        moved += static_cast<int>(bit(between));
+        const float log_odds = *before + updates[bit(miss) | bit(hit) << 1];
+        const std::uint32_t is_low = log_odds <= model.min, is_high = log_odds >= model.max;
+        *out = log_odds;
+        out += 1 - static_cast<int>(is_low | is_high);
+        new_low |= is_low << z;
+        new_high |= is_high << z;
+      } while (todo != 0);
+      low_[row] = new_low;
+      high_[row] = new_high;
+      between_[row] = all & ~(new_low | new_high);
+    }
   }
   if (!changed) return false;
   out = std::copy(in + moved, in + log_odds_.size(), out);
@@ -139,6 +158,7 @@ bool BlockVoxels::setFree(const VoxelBox& box) {
     low_[row] |= cleared;
     changed |= cleared != 0;
   }
+  kept.push_back(0.0F);
   log_odds_ = std::move(kept);
   return changed;
 }

@@ -20,7 +20,7 @@ struct DenseBlock {
   explicit DenseBlock(bool with_reflectivity) {
     if (with_reflectivity) reflectivity.resize(log_odds.size());
   }
-  std::array<float, kBlockRows * kBlockSize> log_odds;
+  std::array<float, kBlockRows * kBlockSize + 1> log_odds;  // one more than there are voxels, see BlockVoxels
   std::vector<Reflectivity> reflectivity;
 };
 

@@ -94,6 +94,8 @@ void OccupancyMap::rasterize(const Scan& scan, InsertReport& report) {
     return true;
   };
 
+  const bool limited = std::isfinite(options_.max_range);
+  Voxel last_voxel{kMaxVoxel, 0, 0};
   for (std::size_t i = 0; i < scan.hits.size(); ++i) {
     const Eigen::Vector3f& point = scan.hits[i];
     Voxel voxel;
@@ -111,18 +113,22 @@ void OccupancyMap::rasterize(const Scan& scan, InsertReport& report) {
       ++report.too_near;
       continue;
     }
-    Eigen::Vector3f center;
-    for (int k = 0; k < 3; ++k) center[k] = static_cast<float>((voxel[k] + 0.5) * options_.resolution);
-    if (lengthOf(center - scan.origin) > options_.max_range) {
+    const auto center = [&] {
+      Eigen::Vector3f c;
+      for (int k = 0; k < 3; ++k) c[k] = static_cast<float>((voxel[k] + 0.5) * options_.resolution);
+      return c;
+    };
+    if (limited && lengthOf(center() - scan.origin) > options_.max_range) {
       ++report.beyond_range;
-      clear(center);
+      clear(center());
       continue;
     }
     ++report.hits;
-    if (in.raster.markHit(voxel)) {
-      if (beams) addBeam(voxel, center);
+    if (voxel != last_voxel && in.raster.markHit(voxel)) {
+      if (beams) addBeam(voxel, center());
       if (expands) select(voxel);
     }
+    last_voxel = voxel;
     if (options_.reflectivity && !scan.reflectivity.empty() && std::isfinite(scan.reflectivity[i])) {
       in.reflectivity.push_back(
           {in.raster.slotOf(blockOf(voxel)), indexInBlock(voxel), scan.reflectivity[i]});
