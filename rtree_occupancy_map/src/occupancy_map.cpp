@@ -165,7 +165,7 @@ InsertReport OccupancyMap::insertScan(const Scan& scan) {
     entries[slot] = &in.working_set.at(in.raster.block(slot));
   }
   std::vector<char> changed(entries.size());
-  in.pool.run(entries.size(), [&](std::size_t slot, int worker) {
+  in.pool.run(entries.size(), kBlocksWorthSharing, [&](std::size_t slot, int worker) {
     changed[slot] = in.update(static_cast<std::uint32_t>(slot), *entries[slot], tree_, *in.buffers[worker]);
   });
   for (std::size_t slot = 0; slot < entries.size(); ++slot) {

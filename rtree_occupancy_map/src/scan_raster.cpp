@@ -66,8 +66,9 @@ void ScanRaster::sortBeams() {
 void ScanRaster::finish() {
   if (beams_.empty()) return;
   sortBeams();
-  const std::size_t shares = tracers_.size();
-  pool_.run(shares, [&](std::size_t share, int) {
+  constexpr std::size_t kWorthSharing = 2000;  // beams
+  const std::size_t shares = sorted_beams_.size() < kWorthSharing ? 1 : tracers_.size();
+  pool_.run(shares, 2, [&](std::size_t share, int) {
     const std::size_t begin = sorted_beams_.size() * share / shares,
                       end = sorted_beams_.size() * (share + 1) / shares;
     tracers_[share]->start(origin_);

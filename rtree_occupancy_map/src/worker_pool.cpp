@@ -17,8 +17,8 @@ WorkerPool::~WorkerPool() {
   for (std::thread& thread : threads_) thread.join();
 }
 
-void WorkerPool::run(std::size_t n, const Work& work) {
-  if (size_ == 1 || n <= 1) {
+void WorkerPool::run(std::size_t n, std::size_t least, const Work& work) {
+  if (size_ == 1 || n < std::max<std::size_t>(least, 2)) {
     for (std::size_t i = 0; i < n; ++i) work(i, 0);
     return;
   }

@@ -27,7 +27,8 @@ class WorkerPool {
   int size() const { return size_; }
 
   /// Calls `work` for each number below n; returns when all is done. Passes the first exception on.
-  void run(std::size_t n, const Work& work);
+  /// @param least fewer numbers than this aren't worth waking anybody up
+  void run(std::size_t n, std::size_t least, const Work& work);
 
  private:
   void loop(int worker);

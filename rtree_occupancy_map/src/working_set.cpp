@@ -78,7 +78,7 @@ void WorkingSet::writeBack(const std::vector<Entry*>& entries, RTree& tree) {
   std::mutex mutex;
   std::size_t next = 0;
   bool replacing = false;
-  pool_.run(entries.size(), [&](std::size_t i, int worker) {
+  pool_.run(entries.size(), kBlocksWorthSharing, [&](std::size_t i, int worker) {
     std::unique_ptr<std::vector<Cell>> cells;
     std::unique_lock<std::mutex> lock(mutex);
     if (!spare.empty()) {

@@ -14,6 +14,9 @@
 
 namespace rtree_occupancy_map {
 
+/// So many blocks at least are worth other threads' help.
+constexpr std::size_t kBlocksWorthSharing = 16;
+
 /// The blocks that the last scans have touched, taken apart into voxels. The next scan will touch most of
 /// them again, so they go back into the R-tree only when somebody asks for their cells or they leave the set.
 class WorkingSet {

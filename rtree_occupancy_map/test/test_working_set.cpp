@@ -54,7 +54,9 @@ class Asker {
         const std::optional<Cell> cell = map.cellAt(p);
         const auto expected = grid.voxels().find(grid.voxelOf(p.cast<float>()));
         ASSERT_EQ(cell.has_value(), expected != grid.voxels().end());
-        if (cell) EXPECT_EQ(cell->log_odds, expected->second);
+        if (cell) {
+          EXPECT_EQ(cell->log_odds, expected->second);
+        }
         break;
       }
       case 1:
@@ -197,7 +199,7 @@ TEST(WorkerPool, AnyNumberOfThreadsMakesTheSameMap) {
     }
     RandomScans scans(24);
     for (int i = 0; i < 15; ++i) {
-      Scan scan = scans.next(300);
+      Scan scan = scans.next(expansion ? 300 : 3000);
       if (expansion) scan.reflectivity.assign(scan.hits.size(), 0.1F * static_cast<float>(i));
       std::vector<std::vector<Block>> changed;
       for (OccupancyMap& map : maps) changed.push_back(map.insertScan(scan).changed_blocks);
@@ -227,7 +229,7 @@ TEST(WorkerPool, DoesAllWorkOnceAndPassesExceptionsOn) {
   EXPECT_EQ(pool.size(), 3);
   for (int round = 0; round < 20; ++round) {
     std::vector<int> done(100);
-    pool.run(done.size(), [&done](std::size_t i, int) { ++done[i]; });
+    pool.run(done.size(), 2, [&done](std::size_t i, int) { ++done[i]; });
     EXPECT_EQ(done, std::vector<int>(100, 1));
   }
   EXPECT_THROW(pool.run(10,
@@ -235,7 +237,7 @@ TEST(WorkerPool, DoesAllWorkOnceAndPassesExceptionsOn) {
                           if (i == 7) throw std::runtime_error("seven");
                         }),
                std::runtime_error);
-  pool.run(0, [](std::size_t, int) { FAIL(); });
+  pool.run(0, 2, [](std::size_t, int) { FAIL(); });
   EXPECT_GE(WorkerPool(0).size(), 1);
 }
 
