@@ -232,7 +232,7 @@ TEST(WorkerPool, DoesAllWorkOnceAndPassesExceptionsOn) {
     pool.run(done.size(), 2, [&done](std::size_t i, int) { ++done[i]; });
     EXPECT_EQ(done, std::vector<int>(100, 1));
   }
-  EXPECT_THROW(pool.run(10,
+  EXPECT_THROW(pool.run(10, 2,
                         [](std::size_t i, int) {
                           if (i == 7) throw std::runtime_error("seven");
                         }),
