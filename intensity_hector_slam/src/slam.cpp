@@ -39,6 +39,7 @@ void Slam::setOptions(const SlamOptions& options) {
 }
 
 void Slam::setPose(const Pose& pose) {
+  check(pose);
   pose_ = {pose.x(), pose.y(), wrapAngle(pose.z())};
   velocity_.setZero();
   velocity_known_ = false;
@@ -51,17 +52,24 @@ void Slam::setPose(const Pose& pose) {
 }
 
 void Slam::reset(const Pose& pose) {
+  check(pose);
   map_ = MultiMap(options_.map);
   setPose(pose);
 }
 
 void Slam::setMap(MultiMap map, const Pose& pose) {
+  check(pose);
   map_ = std::move(map);
   options_.map = map_.options();
   setPose(pose);
 }
 
-void Slam::check(const Scan& scan) const {
+void Slam::check(const Pose& pose) {
+  if (!pose.allFinite()) throw std::invalid_argument("a pose that is not finite");
+}
+
+void Slam::check(const Scan& scan) {
+  if (!std::isfinite(scan.stamp)) throw std::invalid_argument("a scan has a stamp that is not finite");
   const auto isFinite = [](const Eigen::Vector2f& point) { return point.allFinite(); };
   if (!std::all_of(scan.points.begin(), scan.points.end(), isFinite)) {
     throw std::invalid_argument("a scan has a point that is not finite");
@@ -76,7 +84,7 @@ void Slam::check(const Scan& scan) const {
 
 SlamResult Slam::process(const Scan& scan, const std::optional<Pose>& odometry) {
   check(scan);
-  if (odometry && !odometry->allFinite()) throw std::invalid_argument("odometry that is not finite");
+  if (odometry) check(*odometry);
   SlamResult result;
   predict(scan, odometry, result);
   if (static_cast<int>(scan.points.size()) < options_.min_points) {
@@ -104,6 +112,7 @@ SlamResult Slam::process(const Scan& scan, const std::optional<Pose>& odometry) 
 
 SlamResult Slam::insert(const Scan& scan, const Pose& pose) {
   check(scan);
+  check(pose);
   SlamResult result;
   const double elapsed = last_stamp_ ? scan.stamp - *last_stamp_ : 0.0;
   velocity_.setZero();

@@ -361,7 +361,22 @@ TEST(Slam, RefusesScansThatAreNone) {
   scan.reflectivities.clear();
   scan.times = {0.0f};
   EXPECT_THROW(slam.process(scan), std::invalid_argument);
-  EXPECT_THROW(slam.process(scanAt(0.0), Pose(0.0, std::nan(""), 0.0)), std::invalid_argument);
+  const Pose before = slam.pose();
+  for (const double value : {std::nan(""), HUGE_VAL}) {
+    for (int i = 0; i < 3; ++i) {
+      Pose pose = Pose::Zero();
+      pose[i] = value;
+      EXPECT_THROW(slam.process(scanAt(0.0), pose), std::invalid_argument);
+      EXPECT_THROW(slam.insert(scanAt(0.0), pose), std::invalid_argument);
+      EXPECT_THROW(slam.setPose(pose), std::invalid_argument);
+      EXPECT_THROW(slam.reset(pose), std::invalid_argument);
+      EXPECT_THROW(slam.setMap(MultiMap(slam.options().map), pose), std::invalid_argument);
+    }
+    Scan scan = scanAt(0.0);
+    scan.stamp = value;
+    EXPECT_THROW(slam.process(scan), std::invalid_argument);
+  }
+  EXPECT_EQ(before, slam.pose());
   scan = scanAt(0.0);
   scan.points[3].x() = std::numeric_limits<float>::infinity();
   EXPECT_THROW(slam.process(scan), std::invalid_argument);

@@ -45,7 +45,7 @@ class Slam {
   /// @throws std::invalid_argument where the scan or the odometry is none; nothing has changed
   SlamResult process(const Scan& scan, const std::optional<Pose>& odometry = {});
 
-  /// Puts a scan into the map, where it is due, at a pose that is known.
+  /// Puts a scan into the map, where it is due, at a pose that is known. @throws as process
   SlamResult insert(const Scan& scan, const Pose& pose);
 
   const SlamOptions& options() const { return options_; }
@@ -55,6 +55,8 @@ class Slam {
   const MultiMap& map() const { return map_; }
   const Pose& pose() const { return pose_; }
 
+  // What takes a pose throws std::invalid_argument where it isn't finite; nothing has changed then.
+
   /// Puts the body elsewhere in the map.
   void setPose(const Pose& pose);
   /// Forgets all of the map and starts again at a pose.
@@ -63,7 +65,8 @@ class Slam {
   void setMap(MultiMap map, const Pose& pose);
 
  private:
-  void check(const Scan& scan) const;
+  static void check(const Scan& scan);
+  static void check(const Pose& pose);
   void predict(const Scan& scan, const std::optional<Pose>& odometry, SlamResult& result);
   bool hasJumped(const Scan& scan, const Pose& motion, const Pose& steady, double elapsed);
   bool isUnsure(double stamp, bool odometry, const SlamResult& result) const;
