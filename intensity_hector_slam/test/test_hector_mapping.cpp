@@ -133,6 +133,18 @@ TEST(ResetMapping, HasTheTypeOfHectorMapping) {
   EXPECT_STREQ("3423647d14c6c84592eef8b1184a5974", ros::service_traits::md5sum<ResetMapping>());
 }
 
+TEST(Node, PrintsItsUsageAndEnds) {
+  const mapping_common::TempDir dir;
+  for (const char* argument : {"-h", "--help", "scan:=front/scan --help"}) {
+    const std::string command = "ROS_MASTER_URI=http://localhost:1 timeout 10 " + std::string(SLAM) + ' ' +
+                                argument + " >" + dir.path("usage");
+    EXPECT_EQ(0, std::system(command.c_str())) << argument;
+    std::ostringstream text;
+    text << std::ifstream(dir.path("usage")).rdbuf();
+    EXPECT_EQ(0u, text.str().find("Usage: slam")) << text.str();
+  }
+}
+
 TEST(Node, SaysWhichParameterIsWrongAndEnds) {
   const mapping_common::TempDir dir;
   const auto expectEnd = [&](const std::string& argument, const std::string& expected) {

@@ -4,7 +4,30 @@
 #include <nodelet/loader.h>
 #include <ros/ros.h>
 
+#include <iostream>
+#include <string>
+
+namespace {
+
+constexpr const char* kUsage =
+    "Usage: slam [NAME:=VALUE]...\n"
+    "The nodelet intensity_hector_slam/SlamNodelet as a node: SLAM with the topics, parameters, frames and\n"
+    "services of hector_mapping. It needs a master (roscore).\n"
+    "  TOPIC:=OTHER       remaps a topic, e.g. scan:=front/scan\n"
+    "  _PARAMETER:=VALUE  sets a parameter, e.g. _base_frame:=base_footprint\n"
+    "  __name:=NAME       names the node, __ns:=NAMESPACE its namespace\n"
+    "Parameters and what they do: rospack find intensity_hector_slam, there config/slam.yaml\n";
+
+}  // namespace
+
 int main(int argc, char** argv) {
+  for (int i = 1; i < argc; ++i) {
+    const std::string argument = argv[i];
+    if (argument == "-h" || argument == "--help") {
+      std::cout << kUsage;
+      return 0;
+    }
+  }
   ros::init(argc, argv, "slam");
   nodelet::Loader loader(false);
   const bool loaded = loader.load(ros::this_node::getName(), "intensity_hector_slam/SlamNodelet",
