@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <sstream>
 #include <stdexcept>
 
 #include "insertion.h"
@@ -147,7 +148,11 @@ void OccupancyMap::rasterize(const Scan& scan, InsertReport& report) {
 InsertReport OccupancyMap::insertScan(const Scan& scan) {
   Voxel origin_voxel;
   if (!toVoxel(scan.origin, 1.0 / options_.resolution, origin_voxel)) {
-    throw std::invalid_argument("the scan's origin is not finite or outside of the map's coordinates");
+    std::ostringstream text;
+    text << "the scan's origin is (" << scan.origin.transpose() << ") m, allowed is +-"
+         << -kMinVoxel * options_.resolution << " m along each axis with a resolution of "
+         << options_.resolution << " m: for UTM and other coordinates of the earth, map in a frame near by";
+    throw std::invalid_argument(text.str());
   }
   if (!scan.reflectivity.empty() && scan.reflectivity.size() != scan.hits.size()) {
     throw std::invalid_argument("the scan has " + std::to_string(scan.reflectivity.size()) +

@@ -275,6 +275,19 @@ TEST(OccupancyMap, RefusesBadScansAsAWhole) {
   EXPECT_EQ(map.tree().size(), cells);
 }
 
+TEST(OccupancyMap, SaysWhereAnOriginMayBe) {
+  OccupancyMap map;
+  Scan scan;
+  scan.origin = {448262.0F, 5411932.0F, 120.0F};  // UTM
+  try {
+    map.insertScan(scan);
+    ADD_FAILURE();
+  } catch (const std::invalid_argument& e) {
+    for (const char* part : {"448262", "+-6547.2 m", "UTM"})
+      EXPECT_NE(std::string::npos, std::string(e.what()).find(part)) << e.what();
+  }
+}
+
 TEST(OccupancyMap, WorksUpToTheEdgeOfItsCoordinates) {
   Options o = small();
   OccupancyMap map(o);
