@@ -80,6 +80,8 @@ TEST(CloudConversion, KeepsNonFinitePointsForTheMapToCount) {
                         {-5, 5, true});
   EXPECT_EQ(4u, c.scan.hits.size());
   EXPECT_EQ(0u, c.outside_z);
+  EXPECT_EQ(1u, c.at_infinity);
+  EXPECT_TRUE(c.scan.misses.empty());  // it doesn't tell its direction
 }
 
 TEST(CloudConversion, LeavesOutWhatIsTooLowOrTooHighInTheMap) {

@@ -27,7 +27,9 @@ ConvertedScan toScan(const sensor_msgs::PointCloud2& cloud, const Eigen::Isometr
   if (reflectivity) scan.reflectivity.reserve(points);
   const Eigen::Isometry3f pose = sensor_in_map.cast<float>();
   mapping_common::visitPoints(cloud, [&](const std::uint8_t* point, std::size_t) {
-    const Eigen::Vector3f hit = pose * Eigen::Vector3f(x(point), y(point), z(point));
+    const Eigen::Vector3f measured(x(point), y(point), z(point));
+    converted.at_infinity += measured.array().isInf().any();
+    const Eigen::Vector3f hit = pose * measured;
     if (hit.z() < limits.min_z || hit.z() > limits.max_z) {
       ++converted.outside_z;
       return;

@@ -23,7 +23,9 @@ struct ScanLimits {
       "map frame: returns below are left out as a whole, their beams don't clear either");
     o("pointcloud_max_z", max_z, "m", "the same above");
     o("no_return_clears", no_return_clears, "",
-      "laser scans: a beam without a return (inf) clears up to the sensor's range_max");
+      "laser scans: a beam without a return (inf) clears up to the sensor's range_max. Points of clouds that "
+      "are "
+      "at infinity don't tell a direction, and clear nothing");
     o.require(min_z <= max_z, "pointcloud_max_z", "pointcloud_min_z or more");
   }
 };
@@ -32,6 +34,7 @@ struct ConvertedScan {
   Scan scan;                      ///< non-finite points are still in it: the map counts them
   std::size_t outside_z = 0;      ///< returns left out: outside of the limits in z
   std::size_t below_minimum = 0;  ///< returns left out: nearer than the sensor's range_min
+  std::size_t at_infinity = 0;    ///< points of a cloud: no returns whose direction isn't known
 };
 
 /// Points from the fields x y z (float32 or float64), reflectivity from the field `reflectivity`, or else
