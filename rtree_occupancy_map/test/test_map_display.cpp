@@ -203,7 +203,7 @@ TEST_P(ProjectedMapTest, PatchesAddUpToTheProjectionOfEveryVoxel) {
   const double min_z = GetParam().first, max_z = GetParam().second;
   OccupancyMap map;
   ProjectedMap projected;
-  projected.rebuild(map, min_z, max_z, {});
+  projected.rebuild(map, min_z, max_z, 5000, {});
   nav_msgs::OccupancyGrid received = projected.grid();
   EXPECT_TRUE(knownPixels(received).empty());
   int patched = 0, grown = 0;
@@ -224,7 +224,7 @@ TEST_P(ProjectedMapTest, PatchesAddUpToTheProjectionOfEveryVoxel) {
   EXPECT_GE(grown, 2);
 
   ProjectedMap anew;
-  anew.rebuild(map, min_z, max_z, {});
+  anew.rebuild(map, min_z, max_z, 5000, {});
   EXPECT_EQ(knownPixels(received), knownPixels(anew.grid()));
 }
 
@@ -237,11 +237,47 @@ TEST(ProjectedMap, NothingChangedNothingSent) {
   OccupancyMap map;
   map.insertScan(roomScan({0, 0, 0}, {3, 2, 1}, 1));
   ProjectedMap projected;
-  projected.rebuild(map, -1.0, 1.0, {});
+  projected.rebuild(map, -1.0, 1.0, 5000, {});
   map_msgs::OccupancyGridUpdate patch;
   EXPECT_FALSE(projected.update(map, knownBlocks(map), {}, patch));
   EXPECT_EQ(0u, patch.width);
   EXPECT_TRUE(patch.data.empty());
+}
+
+// As of a mirror, or of the sun.
+TEST(ProjectedMap, FarReturnsDoNotMakeItLarge) {
+  OccupancyMap map;
+  ProjectedMap projected;
+  for (const bool far_first : {true, false}) {
+    map.clear();
+    Scan far;
+    far.hits = {{1000, 3, 0}, {-1000, 3, 0}, {3, 6000, 0}};
+    if (far_first) map.insertScan(far);
+    map.insertScan(roomScan({0, 0, 0}, {3, 2, 1}, 1));
+    projected.rebuild(map, -1.0, 1.0, 320, {});
+    map_msgs::OccupancyGridUpdate patch;
+    if (!far_first) {
+      EXPECT_FALSE(projected.leavesOut());
+      projected.update(map, map.insertScan(far).changed_blocks, {}, patch);
+    }
+    EXPECT_TRUE(projected.leavesOut());
+    EXPECT_LE(projected.grid().info.width, 320u);
+    EXPECT_LE(projected.grid().info.height, 320u);
+    EXPECT_EQ(projected.grid().data.size(),
+              static_cast<std::size_t>(projected.grid().info.width) * projected.grid().info.height);
+    EXPECT_NEAR(2000.0, projected.wholeSize().x(), 15.0);
+    EXPECT_NEAR(6000.0, projected.wholeSize().y(), 15.0);
+    // The room is all there.
+    auto expected = projectByVoxel(map, -5, 5);
+    const auto shown = knownPixels(projected.grid());
+    int in_room = 0;
+    for (const auto& [pixel, value] : expected) {
+      if (std::abs(pixel[0]) > 16 || std::abs(pixel[1]) > 11) continue;
+      ++in_room;
+      EXPECT_EQ(value, shown.at(pixel)) << pixel[0] << ' ' << pixel[1];
+    }
+    EXPECT_GT(in_room, 400);
+  }
 }
 
 TEST(CellConversion, CloudHoldsTheCells) {

@@ -133,7 +133,8 @@ void MapPublisher::publishProjection(const std::vector<Block>& blocks) {
 
 void MapPublisher::startProjection() {
   if (projection_active_) return;
-  projected_map_.rebuild(map_, options_.occupancy_min_z, options_.occupancy_max_z, header());
+  projected_map_.rebuild(map_, options_.occupancy_min_z, options_.occupancy_max_z,
+                         options_.occupancy_max_size, header());
   projection_active_ = true;
   projection_changed_ = false;
   last_projection_ = last_resize_ = ros::WallTime::now();

@@ -2,6 +2,7 @@
 #include "rtree_occupancy_map/ros/projected_map.h"
 
 #include <algorithm>
+#include <cstdlib>
 #include <limits>
 
 #include "rtree_occupancy_map/ros/cell_conversion.h"
@@ -15,17 +16,18 @@ constexpr std::int8_t kUnknown = -1, kFree = 0, kOccupied = 100;
 
 void ProjectedMap::clear() {
   constexpr int lo = std::numeric_limits<int>::min(), hi = std::numeric_limits<int>::max();
-  min_ = {hi, hi};
-  max_ = {lo, lo};
+  min_ = whole_min_ = {hi, hi};
+  max_ = whole_max_ = {lo, lo};
   grid_ = {};
   grid_.info.width = grid_.info.height = 1;
   grid_.info.origin.orientation.w = 1.0;
   grid_.data = {kUnknown};
 }
 
-void ProjectedMap::rebuild(const OccupancyMap& map, double min_z, double max_z,
+void ProjectedMap::rebuild(const OccupancyMap& map, double min_z, double max_z, int max_size,
                            const std_msgs::Header& header) {
   clear();
+  max_blocks_ = std::max(1, max_size / kBlockSize);
   heights_ = map.boxOf({0.0, 0.0, min_z}, {0.0, 0.0, max_z});
   grid_.info.resolution = static_cast<float>(map.options().resolution);
   map_msgs::OccupancyGridUpdate ignored;
@@ -41,6 +43,7 @@ bool ProjectedMap::update(const OccupancyMap& map, const std::vector<Block>& blo
   }
   std::sort(columns.begin(), columns.end());
   columns.erase(std::unique(columns.begin(), columns.end()), columns.end());
+  leaveOutFar(map, blocks, columns);
   const bool grown = grow(columns, map.options().resolution);
 
   const int width = static_cast<int>(grid_.info.width);
@@ -74,6 +77,66 @@ bool ProjectedMap::update(const OccupancyMap& map, const std::vector<Block>& blo
     patch.data.insert(patch.data.end(), row + min_x, row + max_x);
   }
   return grown;
+}
+
+Eigen::Vector2d ProjectedMap::wholeSize() const {
+  const double edge = kBlockSize * static_cast<double>(grid_.info.resolution);
+  return {edge * std::max(0, whole_max_[0] - whole_min_[0]),
+          edge * std::max(0, whole_max_[1] - whole_min_[1])};
+}
+
+// The nearest to what is shown go first, and at the start the nearest to where most is occupied.
+void ProjectedMap::leaveOutFar(const OccupancyMap& map, const std::vector<Block>& blocks,
+                               std::vector<Column>& columns) {
+  for (const Column& column : columns) {
+    for (int i = 0; i < 2; ++i) {
+      whole_min_[i] = std::min(whole_min_[i], column[i]);
+      whole_max_[i] = std::max(whole_max_[i], column[i] + 1);
+    }
+  }
+  if (!leavesOut() ||
+      (whole_max_[0] - whole_min_[0] <= max_blocks_ && whole_max_[1] - whole_min_[1] <= max_blocks_)) {
+    return;
+  }
+  const Column middle =
+      min_[0] < max_[0] ? Column{(min_[0] + max_[0]) / 2, (min_[1] + max_[1]) / 2} : middleOf(map, blocks);
+  const auto distance = [&](const Column& column) {
+    return std::max(std::abs(column[0] - middle[0]), std::abs(column[1] - middle[1]));
+  };
+  std::stable_sort(columns.begin(), columns.end(),
+                   [&](const Column& a, const Column& b) { return distance(a) < distance(b); });
+  Column min = min_, max = max_;
+  const auto isFar = [&](const Column& column) {
+    Column new_min, new_max;
+    for (int i = 0; i < 2; ++i) {
+      new_min[i] = std::min(min[i], column[i]);
+      new_max[i] = std::max(max[i], column[i] + 1);
+      if (new_max[i] - new_min[i] > max_blocks_) return true;
+    }
+    min = new_min;
+    max = new_max;
+    return false;
+  };
+  columns.erase(std::remove_if(columns.begin(), columns.end(), isFar), columns.end());
+}
+
+// The median of the occupied cells. (Beams without a near end cross many blocks.)
+ProjectedMap::Column ProjectedMap::middleOf(const OccupancyMap& map, const std::vector<Block>& blocks) {
+  std::array<std::vector<int>, 2> values;
+  for (const Block& block : blocks) {
+    map.visitBlock(block, [&](const Cell& cell) {
+      for (int i = 0; i < 2 && map.isOccupied(cell); ++i) values[i].push_back(block[i]);
+      return true;
+    });
+  }
+  if (values[0].empty()) return {blocks.front()[0], blocks.front()[1]};
+  Column middle;
+  for (int i = 0; i < 2; ++i) {
+    const auto at = values[i].begin() + static_cast<std::ptrdiff_t>(values[i].size() / 2);
+    std::nth_element(values[i].begin(), at, values[i].end());
+    middle[i] = *at;
+  }
+  return middle;
 }
 
 // Makes room for these columns.

@@ -19,6 +19,7 @@ struct DisplayOptions {
   ColorScale color;
   double occupancy_min_z = -std::numeric_limits<double>::infinity();
   double occupancy_max_z = std::numeric_limits<double>::infinity();
+  int occupancy_max_size = 5000;
   double full_map_period = 10.0;
   bool publish_free_space = false;
   bool latch = true;
@@ -39,6 +40,11 @@ struct DisplayOptions {
     o("color_max", color.max, "", "the same at its upper end").dynamic();
     o("occupancy_min_z", occupancy_min_z, "m", "the projected map shows what is above").dynamic();
     o("occupancy_max_z", occupancy_max_z, "m", "and below").dynamic();
+    o("occupancy_max_size", occupancy_max_size, "pixels",
+      "longest edge of the projected map: what is farther out is left out, so that a few far returns don't "
+      "make "
+      "it too large for who receives it")
+        .within(32, 65536);
     o.require(color.max > color.min, "color_max", "more than color_min");
     o.require(occupancy_max_z > occupancy_min_z, "occupancy_max_z", "more than occupancy_min_z");
   }
@@ -62,6 +68,8 @@ class MapPublisher {
   /// @throws std::invalid_argument that names the option, its value and what is allowed
   void setOptions(const DisplayOptions& options);
   const DisplayOptions& options() const { return options_; }
+  /// Empty where nobody listens.
+  const ProjectedMap& projectedMap() const { return projected_map_; }
 
  private:
   struct Markers {

@@ -5,6 +5,7 @@
 #include <nav_msgs/OccupancyGrid.h>
 #include <rtree_occupancy_map/occupancy_map.h>
 
+#include <Eigen/Core>
 #include <array>
 #include <cstdint>
 #include <vector>
@@ -13,32 +14,41 @@ namespace rtree_occupancy_map {
 
 /// The map seen from above, between two heights: a pixel is 100 (occupied) if any voxel of its column is
 /// occupied, else 0 (free) if any is free, else -1 (unknown). Only the columns of changed blocks are
-/// projected anew.
+/// projected anew. Its edges have a greatest length, as a single far return would make it too large for any
+/// subscriber: what is farther out is left out.
 class ProjectedMap {
  public:
   ProjectedMap() { clear(); }
 
   /// Empty: a single unknown pixel, as an OccupancyGrid must have one.
   void clear();
-  /// From scratch, between the heights min_z and max_z (m).
-  void rebuild(const OccupancyMap& map, double min_z, double max_z, const std_msgs::Header& header);
+  /// From scratch, between the heights min_z and max_z (m). @param max_size pixels, longest edge
+  void rebuild(const OccupancyMap& map, double min_z, double max_z, int max_size,
+               const std_msgs::Header& header);
   /// @param patch the rectangle of pixels that changed, of zero width where none did
   /// @return whether the extent grew: the patch alone doesn't say enough then
   bool update(const OccupancyMap& map, const std::vector<Block>& blocks, const std_msgs::Header& header,
               map_msgs::OccupancyGridUpdate& patch);
 
   const nav_msgs::OccupancyGrid& grid() const { return grid_; }
+  /// Edges of what there is to show (m), larger than the grid where something is left out.
+  Eigen::Vector2d wholeSize() const;
+  bool leavesOut() const { return whole_min_ != min_ || whole_max_ != max_; }
 
  private:
   using Column = std::array<int, 2>;  // of blocks
   using Pixels = std::array<std::int8_t, kBlockSize * kBlockSize>;
 
+  void leaveOutFar(const OccupancyMap& map, const std::vector<Block>& blocks, std::vector<Column>& columns);
+  static Column middleOf(const OccupancyMap& map, const std::vector<Block>& blocks);
   bool grow(const std::vector<Column>& columns, double resolution);
   Pixels project(const OccupancyMap& map, const Column& column) const;
 
   nav_msgs::OccupancyGrid grid_;
-  Column min_, max_;  // extent in blocks, half-open
-  VoxelBox heights_;  // of which z alone counts
+  Column min_, max_;              // extent in blocks, half-open
+  Column whole_min_, whole_max_;  // the same of what there is to show
+  int max_blocks_ = 1;            // longest edge
+  VoxelBox heights_;              // of which z alone counts
 };
 
 }  // namespace rtree_occupancy_map
