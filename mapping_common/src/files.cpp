@@ -10,6 +10,7 @@
 #include <cstring>
 #include <fstream>
 #include <stdexcept>
+#include <utility>
 
 namespace mapping_common {
 namespace {
@@ -61,6 +62,20 @@ std::string readFile(const std::string& path) {
   if (count < 0) fail(path, "can't be read", error);
   bytes.resize(size);
   return bytes;
+}
+
+void requireOwnEnding(const std::string& path) {
+  constexpr std::pair<const char*, const char*> kForeign[] = {
+      {".bt", "OctoMap's"},       {".ot", "OctoMap's"},       {".pcd", "PCL's"},
+      {".ply", "that of clouds"}, {".pgm", "map_server's"},   {".yaml", "that of parameters"},
+      {".png", "that of images"}, {".jpg", "that of images"}, {".bag", "rosbag's"}};
+  for (const auto& [ending, whose] : kForeign) {
+    const std::string end = ending;
+    if (path.size() >= end.size() && path.compare(path.size() - end.size(), end.size(), end) == 0) {
+      throw std::invalid_argument("path is '" + path + "', but the format isn't " + whose +
+                                  ": allowed is another ending, or none");
+    }
+  }
 }
 
 }  // namespace mapping_common

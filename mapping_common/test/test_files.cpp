@@ -41,6 +41,13 @@ TEST(Files, ErrorsNameTheFile) {
   EXPECT_TRUE(mentions(errorOf([] { readFile("/nowhere/f"); }), {"/nowhere/f", "No such file"}));
 }
 
+TEST(Files, EndingsOfOtherProgramsAreRefused) {
+  for (const char* own : {"/a/room.map", "/a/room", "/a.bt/room", "bt", ""})
+    EXPECT_NO_THROW(requireOwnEnding(own)) << own;
+  for (const char* foreign : {"/a/room.bt", "/a/room.ot", "room.pgm", ".png"})
+    EXPECT_THROW(requireOwnEnding(foreign), std::invalid_argument) << foreign;
+}
+
 }  // namespace
 }  // namespace mapping_common
 

@@ -15,4 +15,8 @@ void writeFile(const std::string& path, const std::function<void(std::ostream&)>
 /// @throws std::runtime_error that names the file
 std::string readFile(const std::string& path);
 
+/// For files in formats of this workspace's own.
+/// @throws std::invalid_argument if the path ends as files of other programs do, which couldn't read it
+void requireOwnEnding(const std::string& path);
+
 }  // namespace mapping_common
