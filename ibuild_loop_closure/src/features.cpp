@@ -13,6 +13,8 @@
 namespace ibuild_loop_closure {
 namespace {
 
+constexpr double kMaxRows = 10000.0;  // of an image that is scaled up: some are very narrow
+
 // The strongest key points of each cell of a grid in turn, until there are enough.
 std::vector<cv::KeyPoint> spread(const std::vector<cv::KeyPoint>& sorted, std::size_t count, cv::Size size,
                                  cv::Size grid) {
@@ -42,6 +44,7 @@ void FeatureOptions::validate() const {
   checkRange("max_features", max_features, 0, 100000);
   checkRange("columns", columns, 1, 1000);
   checkRange("rows", rows, 1, 1000);
+  checkRange("min_width", min_width, 0, 10000);
   checkRange("max_width", max_width, 0, 100000);
 }
 
@@ -81,9 +84,15 @@ cv::Mat toGrey(const cv::Mat& image) {
 
 cv::Mat FeatureExtractor::prepare(const cv::Mat& image) const {
   cv::Mat grey = toGrey(image);
-  const double factor = static_cast<double>(options_.max_width) / grey.cols;
-  if (factor > 0.0 && factor < 1.0 && factor * grey.rows >= 1.0)
-    cv::resize(grey, grey, {}, factor, factor, cv::INTER_AREA);
+  const int min_width =
+      options_.max_width > 0 ? std::min(options_.min_width, options_.max_width) : options_.min_width;
+  const double up = static_cast<double>(min_width) / grey.cols;
+  const double down = static_cast<double>(options_.max_width) / grey.cols;
+  if (up > 1.0 && up * grey.rows <= kMaxRows) {
+    cv::resize(grey, grey, {}, up, up, cv::INTER_CUBIC);
+  } else if (down > 0.0 && down < 1.0 && down * grey.rows >= 1.0) {
+    cv::resize(grey, grey, {}, down, down, cv::INTER_AREA);
+  }
   if (options_.equalize) {
     cv::Mat equalized;
     clahe_->apply(grey, equalized);

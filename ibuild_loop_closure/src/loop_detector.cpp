@@ -78,7 +78,7 @@ LoopDetectorOptions LoopDetectorOptions::thesis() {
   o.features.detector = Detector::kBrisk;
   o.features.threshold = 30;
   o.features.octaves = 3;
-  o.features.max_features = o.features.max_width = 0;
+  o.features.max_features = o.features.min_width = o.features.max_width = 0;
   o.tracking_delta = o.delta = 70;
   o.index.type = IndexType::kLinear;
   o.index.nearest = false;

@@ -24,10 +24,13 @@ struct Count {
 };
 
 // The same walk twice, the second displaced by a few pixels.
-Count walkTwice(LoopDetector& detector) {
+// @param size of the images, which are scaled down to it
+Count walkTwice(LoopDetector& detector, cv::Size size = {320, 240}) {
   Count count;
   for (int i = 0; i < 2 * kWalk; ++i) {
-    const Detection d = detector.process({renderWalk(i % kWalk, i < kWalk ? 0 : 4), {}, {}});
+    cv::Mat image = renderWalk(i % kWalk, i < kWalk ? 0 : 4);
+    if (image.size() != size) cv::resize(image, image, size, 0.0, 0.0, cv::INTER_AREA);
+    const Detection d = detector.process({image, {}, {}});
     EXPECT_EQ(i, d.image);
     EXPECT_EQ(static_cast<std::size_t>(i), d.similarities.size());
     if (!d.accepted) continue;
@@ -51,6 +54,15 @@ TEST(LoopDetector, FindsItAsTheThesisDoes) {
   const Count count = walkTwice(detector);
   EXPECT_GE(count.correct, 0.9 * count.accepted);
   EXPECT_GE(count.correct, kWalk / 2);
+}
+
+TEST(LoopDetector, FindsItInSmallImages) {
+  for (const cv::Size size : {cv::Size(160, 120), cv::Size(64, 32)}) {
+    LoopDetector detector;
+    const Count count = walkTwice(detector, size);
+    EXPECT_EQ(count.accepted, count.correct) << size;
+    EXPECT_GE(count.correct, kWalk / 2) << size;
+  }
 }
 
 TEST(LoopDetector, IsTheSameEachTime) {

@@ -40,6 +40,7 @@ struct FeatureOptions {
   bool spread = true;  ///< true: the strongest of each cell of a grid; false: the strongest of the image
   int columns = 10, rows = 8;  ///< of that grid, 1 to 1000
   bool equalize = false;       ///< contrast limited adaptive histogram equalization before all else
+  int min_width = 320;         ///< narrower images are scaled up to it, pixels; 0: never
   int max_width = 800;         ///< wider images are scaled down to it, pixels; 0: never
   /// @throws std::invalid_argument that names the option, its value and the allowed range
   void validate() const;
