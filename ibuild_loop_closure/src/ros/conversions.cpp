@@ -5,6 +5,8 @@
 #include <sensor_msgs/image_encodings.h>
 #include <tf2_eigen/tf2_eigen.h>
 
+#include <cmath>
+#include <cstdint>
 #include <stdexcept>
 #include <string>
 
@@ -13,24 +15,37 @@ namespace {
 
 namespace encodings = sensor_msgs::image_encodings;
 
+// @throws std::exception if the image's size and its data don't agree, which cv_bridge doesn't see where
+// their products are beyond 32 bits
 void requireWhole(const sensor_msgs::Image& message) {
   const auto size = std::to_string(message.width) + " x " + std::to_string(message.height);
   if (message.width == 0 || message.height == 0)
     throw std::invalid_argument("the image is empty (" + size + ")");
-  if (message.data.size() < static_cast<std::size_t>(message.step) * message.height)
+  const std::uint64_t step = message.step, row = std::uint64_t{message.width} *
+                                                 encodings::numChannels(message.encoding) *
+                                                 (encodings::bitDepth(message.encoding) / 8);
+  if (step < row)
+    throw std::invalid_argument("the image of " + size + " has rows of only " + std::to_string(step) +
+                                " bytes");
+  if (message.data.size() / step < message.height)
     throw std::invalid_argument("the image of " + size + " has only " + std::to_string(message.data.size()) +
                                 " bytes");
+}
+
+// Of channels without a name, as thermal cameras and some drivers have them.
+bool isUnnamed(const std::string& encoding) {
+  return encoding.compare(0, 3, "8UC") == 0 || encoding.compare(0, 4, "16UC") == 0;
 }
 
 }  // namespace
 
 cv::Mat toImage(const sensor_msgs::Image& message) {
-  requireWhole(message);
   try {
-    if (encodings::bitDepth(message.encoding) != 16)
-      return cv_bridge::toCvCopy(message, encodings::MONO8)->image;
-    return cv_bridge::toCvCopy(message, encodings::MONO16)->image;  // scaled by FeatureExtractor::prepare
-  } catch (const std::exception& e) {                               // cv_bridge, OpenCV, image_encodings
+    requireWhole(message);
+    if (isUnnamed(message.encoding)) return toGrey(cv_bridge::toCvCopy(message)->image);
+    const bool deep = encodings::bitDepth(message.encoding) == 16;
+    return toGrey(cv_bridge::toCvCopy(message, deep ? encodings::MONO16 : encodings::MONO8)->image);
+  } catch (const std::exception& e) {  // cv_bridge, OpenCV, image_encodings
     throw std::invalid_argument("the image of encoding '" + message.encoding +
                                 "' can't be converted: " + e.what());
   }
@@ -50,13 +65,13 @@ cv::Mat toImage(const sensor_msgs::CompressedImage& message) {
 }
 
 cv::Mat toDepth(const sensor_msgs::Image& message) {
-  requireWhole(message);
   if (message.encoding != encodings::TYPE_16UC1 && message.encoding != encodings::MONO16 &&
       message.encoding != encodings::TYPE_32FC1) {
     throw std::invalid_argument("the depth image's encoding is '" + message.encoding +
                                 "', allowed is 16UC1 (mm), 32FC1 (m)");
   }
   try {
+    requireWhole(message);
     return cv_bridge::toCvCopy(message)->image;
   } catch (const std::exception& e) {
     throw std::invalid_argument(std::string("the depth image can't be converted: ") + e.what());
@@ -66,13 +81,15 @@ cv::Mat toDepth(const sensor_msgs::Image& message) {
 std::optional<Camera> toCamera(const sensor_msgs::CameraInfo& message) {
   const auto& p = message.P;
   if (!(p[0] > 0.0 && p[5] > 0.0)) return {};
+  for (const int i : {0, 2, 5, 6})
+    if (!std::isfinite(p[i])) return {};
   return Camera{p[0], p[5], p[2], p[6]};
 }
 
 RightImage toRightImage(const cv::Mat& image, const sensor_msgs::CameraInfo& info) {
   const auto& p = info.P;
   const double baseline = p[0] > 0.0 ? -p[3] / p[0] : 0.0;
-  if (!(baseline > 0.0))
+  if (!(baseline > 0.0) || !std::isfinite(baseline) || !std::isfinite(p[2]))
     throw std::invalid_argument("the right camera_info has no baseline: P(0, 0) is " + std::to_string(p[0]) +
                                 ", P(0, 3) is " + std::to_string(p[3]) +
                                 ", which has to be -P(0, 0) * baseline");

@@ -14,7 +14,8 @@
 
 namespace ibuild_loop_closure {
 
-/// Grey, 8 bits; a message of 16 bits is scaled to its range.
+/// Grey, 8 bits; a message of 16 bits is scaled to its range. Three and four channels without names (8UC3,
+/// 16UC4, ...) are taken for BGR and BGRA.
 /// @throws std::invalid_argument if the message is empty, its size and its data don't agree or its encoding
 /// is unknown
 cv::Mat toImage(const sensor_msgs::Image& message);
