@@ -2,15 +2,19 @@
 //
 // The nodelet on rendered images: a walk through places, twice.
 #include <cv_bridge/cv_bridge.h>
+#include <mapping_common/testing/message_fuzz.h>
 #include <mapping_common/testing/nodelet_test.h>
 #include <mapping_common/testing/temp_dir.h>
 #include <mapping_msgs/EdgeConstraint.h>
 #include <mapping_msgs/LoadMap.h>
 #include <mapping_msgs/SaveMap.h>
+#include <rosgraph_msgs/Log.h>
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/CompressedImage.h>
 #include <sensor_msgs/Image.h>
 #include <std_srvs/Empty.h>
+
+#include <algorithm>
 
 #include "test_images.h"
 
@@ -94,6 +98,20 @@ TEST_F(LoopClosure, PublishesLoops) {
   EXPECT_TRUE(waitFor([&] { return !debug.messages.empty(); }));
   EXPECT_EQ(640u, debug.messages[0].width);
   expectDiagnostic("Input", "Dropped: malformed", "0");
+}
+
+TEST_F(LoopClosure, SaysEachLoop) {
+  Recorder<rosgraph_msgs::Log> log(node_, "/rosout");
+  ASSERT_TRUE(load());
+  spinFor(0.5);  // to be connected
+  walk(0, 2 * kWalk);
+  ASSERT_TRUE(waitForKeyFrames(2 * kWalk));
+  spinFor(0.5);
+  const auto loops = std::count_if(log.messages.begin(), log.messages.end(), [](const rosgraph_msgs::Log& m) {
+    return m.level == rosgraph_msgs::Log::INFO && m.msg.find("shows the place of image") != std::string::npos;
+  });
+  EXPECT_EQ(edges_.messages.size(), static_cast<std::size_t>(loops));
+  EXPECT_GT(loops, 0);
 }
 
 TEST_F(LoopClosure, TakesCompressedImages) {
@@ -194,6 +212,109 @@ TEST_F(LoopClosure, SurvivesBadImages) {
   EXPECT_TRUE(waitForKeyFrames(4));
 }
 
+TEST_F(LoopClosure, ExtremeStampsAreCountedAndEndNothing) {
+  ASSERT_TRUE(load());
+  for (const std::uint32_t second : {4000000000U, 1000000000U, 4294967295U}) {
+    sensor_msgs::Image image = *message(renderWalk(0), 0.0).toImageMsg();
+    image.header.stamp = ros::Time(second, 999999999U);
+    images_.publish(image);
+  }
+  expectDiagnostic("Input", "Dropped: malformed", "2");
+  EXPECT_TRUE(waitForKeyFrames(1));
+  expectDiagnostic("Nodelet", "Callbacks that failed", "0");
+}
+
+TEST_F(LoopClosure, TakesChannelsWithoutNames) {
+  ASSERT_TRUE(load());
+  cv::Mat grey = renderWalk(0), deep, bgr;
+  grey.convertTo(deep, CV_16U, 64.0);
+  cv::cvtColor(grey, bgr, cv::COLOR_GRAY2BGR);
+  images_.publish(message(grey, 100.0, "8UC1").toImageMsg());
+  images_.publish(message(deep, 101.0, "16UC1").toImageMsg());
+  images_.publish(message(bgr, 102.0, "8UC3").toImageMsg());
+  EXPECT_TRUE(waitForKeyFrames(3));
+  expectDiagnostic("Input", "Dropped: malformed", "0");
+}
+
+class LoopClosureFuzz : public LoopClosure {
+ protected:
+  void fuzz() {
+    ASSERT_TRUE(load());
+    auto rights = node_.advertise<sensor_msgs::Image>("right/image", 100);
+    auto right_infos = node_.advertise<sensor_msgs::CameraInfo>("right/camera_info", 1);
+    Recorder<sensor_msgs::Image> debug(node_, name_ + "/debug_image");
+    double time = 100.0;
+    mapping_common::fuzz({"camera", "other"}, [&](mapping_common::MessageFuzz& fuzz) {
+      time += 0.02;
+      const cv::Mat place = renderPlace(static_cast<int>(time) % 10, 0, {64, 48});
+      switch (fuzz.pick<int>({0, 0, 0, 1})) {
+        case 0: {
+          sensor_msgs::Image image = *message(place, time).toImageMsg();
+          sensor_msgs::Image depth =
+              *message(cv::Mat(48, 64, CV_32FC1, cv::Scalar(2.0)), time, "32FC1").toImageMsg();
+          sensor_msgs::CompressedImage compressed = *message(place, time).toCompressedImageMsg();
+          fuzz.spoil(image);
+          fuzz.spoil(depth);
+          fuzz.spoil(compressed);
+          // Pairs, but for the worst.
+          if (fuzz.pick<int>({0, 1}) == 0) {
+            image.header.stamp = depth.header.stamp = compressed.header.stamp = ros::Time(time);
+          }
+          depths_.publish(depth);
+          rights.publish(image);
+          compressed_.publish(compressed);
+          return images_.publish(image);
+        }
+        default: {
+          sensor_msgs::CameraInfo info;
+          info.P[0] = info.P[5] = 60.0;
+          info.P[2] = 32.0;
+          info.P[6] = 24.0;
+          right_infos.publish(info);
+          fuzz.spoil(info);
+          right_infos.publish(info);
+          return infos_.publish(info);
+        }
+      }
+    });
+    std_srvs::Empty empty;
+    ASSERT_TRUE(ros::service::call(name_ + "/reset", empty));
+    const cv::Mat depth(240, 320, CV_16UC1, cv::Scalar(2000));
+    sensor_msgs::CameraInfo info;
+    info.P[0] = info.P[5] = 300.0;
+    infos_.publish(info);
+    info.P[3] = -30.0;
+    right_infos.publish(info);
+    spinFor(0.2);
+    for (int i = 0; i < 10; ++i) {  // the first after time that jumped back may be taken for late ones
+      depths_.publish(message(depth, 2000.0 + i, "16UC1").toImageMsg());
+      rights.publish(message(renderWalk(i), 2000.0 + i).toImageMsg());
+      compressed_.publish(message(renderWalk(i), 2000.0 + i).toCompressedImageMsg());
+      send(renderWalk(i), 2000.0 + i);
+    }
+    EXPECT_TRUE(waitFor([&] { return std::stoi("0" + diagnostic("Loop closure", "Key frames")) >= 5; }));
+  }
+};
+
+TEST_F(LoopClosureFuzz, ImagesSurvive) {
+  fuzz();
+}
+
+TEST_F(LoopClosureFuzz, CompressedImagesSurvive) {
+  setParam("image_transport", "compressed");
+  fuzz();
+}
+
+TEST_F(LoopClosureFuzz, DepthSurvives) {
+  setParam("use_depth", true);
+  fuzz();
+}
+
+TEST_F(LoopClosureFuzz, StereoSurvives) {
+  setParam("use_stereo", true);
+  fuzz();
+}
+
 TEST_F(LoopClosure, SelectsKeyFrames) {
   setParam("key_frames/min_interval", 0.5);
   setParam("key_frames/min_difference", 2.0);
@@ -210,6 +331,8 @@ TEST_F(LoopClosure, WaitsForMotion) {
   setParam("fixed_frame", "nowhere");
   ASSERT_TRUE(load());
   send(renderWalk(0), 100.0);
+  expectDiagnostic("Input", "Waiting for transforms", "1");
+  send(renderWalk(1), 100.6);
   expectDiagnostic("Input", "Dropped: no transform", "1");
 }
 

@@ -4,6 +4,7 @@
 #include <dynamic_reconfigure/Reconfigure.h>
 #include <laser_intensity_calib/calibration_file.h>
 #include <mapping_common/files.h>
+#include <mapping_common/testing/message_fuzz.h>
 #include <mapping_common/testing/nodelet_test.h>
 #include <mapping_common/testing/temp_dir.h>
 #include <rosgraph_msgs/Log.h>
@@ -113,6 +114,29 @@ class ReflectivityNodelet : public mapping_common::NodeletTest {
   ros::Publisher scans_, clouds_;
 };
 
+TEST_F(ReflectivityNodelet, SurvivesWhateverArrives) {
+  ASSERT_TRUE(start());
+  Recorder<sensor_msgs::PointCloud2> results(node_, "cloud_reflectivity");
+  const sensor_msgs::LaserScan scan = wall();
+  const sensor_msgs::PointCloud2 cloud =
+      makeCloud({{2, 0, 0}, {2, 0.1, 0}, {2, 0, 0.1}, {2, 0.1, 0.1}}, {100, 110, 120, 130},
+                std::vector<Eigen::Vector3f>(4, Eigen::Vector3f::Zero()));
+  mapping_common::fuzz({"laser", "lidar"}, [&](mapping_common::MessageFuzz& fuzz) {
+    if (fuzz.pick<int>({0, 1}) == 0) {
+      sensor_msgs::LaserScan bad = scan;
+      fuzz.spoil(bad);
+      scans_.publish(bad);
+    } else {
+      sensor_msgs::PointCloud2 bad = cloud;
+      fuzz.spoil(bad);
+      clouds_.publish(bad);
+    }
+  });
+  spinFor(0.5);
+  expectDiagnostic("Nodelet", "Callbacks that failed", "0");
+  expectSame(expected(scan), answer(scan).intensities);
+}
+
 TEST_F(ReflectivityNodelet, GivesTheReflectivityOfScans) {
   ASSERT_TRUE(start());
   const sensor_msgs::LaserScan scan = wall();
@@ -169,7 +193,7 @@ TEST_F(ReflectivityNodelet, TakesOffWhatTheLasersOfACloudAdd) {
   clouds_.publish(cloud);  // without rings
   clouds_.publish(withRings(cloud, rings));
   ASSERT_TRUE(results.waitForOne());
-  expectDiagnostic("Reflectivity", "Messages dropped", "1");
+  expectDiagnostic("Reflectivity", "Dropped: malformed", "1");
   sensor_msgs::PointCloud2ConstIterator<float> value(results.messages[0], "reflectivity");
   int good = 0;
   for (std::size_t i = 0; i < points.size(); ++i, ++value) good += std::abs(*value - 0.5F) < 0.03F ? 1 : 0;
@@ -189,7 +213,7 @@ TEST_F(ReflectivityNodelet, DropsBadMessagesAndGoesOn) {
   bad.angle_increment = std::numeric_limits<float>::quiet_NaN();
   scans_.publish(bad);
   clouds_.publish(sensor_msgs::PointCloud2());
-  expectDiagnostic("Reflectivity", "Messages dropped", "5");
+  expectDiagnostic("Reflectivity", "Dropped: malformed", "5");
   expectSame(expected(scan), answer(scan).intensities);
 }
 

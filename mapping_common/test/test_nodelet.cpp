@@ -9,23 +9,6 @@
 namespace mapping_common {
 namespace {
 
-TEST(DropCounts, CountsByReason) {
-  DropCounts drops({"no transform", "malformed"});
-  drops.add(0, 3);
-  drops.add(1);
-  EXPECT_EQ("3 no transform, 1 malformed", drops.text());
-  EXPECT_EQ(4u, drops.recent());
-  drops.endReport();
-  EXPECT_EQ(0u, drops.recent());
-  drops.add(1);
-  EXPECT_EQ(1u, drops.recent());
-  diagnostic_updater::DiagnosticStatusWrapper status;
-  drops.addTo(status, "Dropped");
-  ASSERT_EQ(2u, status.values.size());
-  EXPECT_EQ("Dropped: malformed", status.values[1].key);
-  EXPECT_EQ("2", status.values[1].value);
-}
-
 struct Response {
   bool success = false;
   std::string message;

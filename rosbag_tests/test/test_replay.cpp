@@ -442,7 +442,7 @@ TEST_F(Replay, CloudsOfAStreetByRosbagPlay) {
     _exit(127);
   }
   const bool all = waitFor([&] { return counted("Inserted") >= 25; }, 40.0);
-  EXPECT_TRUE(all) << counted("Inserted") << " clouds inserted, " << counted("Waiting for a transform")
+  EXPECT_TRUE(all) << counted("Inserted") << " clouds inserted, " << counted("Waiting for transforms")
                    << " wait";
   int status = 0;
   kill(-player, SIGINT);
@@ -471,9 +471,9 @@ TEST_F(Replay, RecordedScansWithOdometry) {
   expectMapOfTheCore();
   // That one waited until transforms of its time were out of the question.
   EXPECT_TRUE(waitFor(
-      [this] { return counted("Dropped: no transform") == 1 && counted("Waiting for a transform") == 0; },
+      [this] { return counted("Dropped: no transform") == 1 && counted("Waiting for transforms") == 0; },
       5.0))
-      << counted("Dropped: no transform") << ' ' << counted("Waiting for a transform");
+      << counted("Dropped: no transform") << ' ' << counted("Waiting for transforms");
   EXPECT_FALSE(warned("Time jumped back"));
 }
 

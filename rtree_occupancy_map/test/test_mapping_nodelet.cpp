@@ -2,13 +2,16 @@
 //
 // The nodelet's input, services and parameters, against a map built from the same scans.
 #include <dynamic_reconfigure/Reconfigure.h>
+#include <mapping_common/testing/message_fuzz.h>
 #include <mapping_msgs/LoadMap.h>
 #include <mapping_msgs/SaveMap.h>
+#include <nav_msgs/OccupancyGrid.h>
 #include <rosgraph_msgs/Log.h>
 #include <rtree_occupancy_map/BoundingBoxQuery.h>
 #include <rtree_occupancy_map/CastRay.h>
 #include <std_srvs/Empty.h>
 #include <unistd.h>
+#include <visualization_msgs/MarkerArray.h>
 
 #include <cstdlib>
 #include <fstream>
@@ -143,21 +146,19 @@ TEST_F(MappingNodelet, WaitsForATransformThatComesLate) {
   publish(room(1), "sensor", pose);
   spinFor(1.5);
   EXPECT_TRUE(voxels().empty());
-  EXPECT_EQ("1", diagnostic("Input", "Waiting for a transform"));
+  EXPECT_EQ("1", diagnostic("Input", "Waiting for transforms"));
   sendStaticPose("sensor", pose);
   EXPECT_TRUE(waitForMap(reference_));
-  expectDiagnostic("Input", "Waiting for a transform", "0");
+  expectDiagnostic("Input", "Waiting for transforms", "0");
 }
 
 TEST_F(MappingNodelet, CountsWhatWaitedInVain) {
-  setParam("queue_size", 2);
+  setParam("transform_timeout", 0.15);
   ASSERT_TRUE(load());
-  for (unsigned i = 0; i < 5; ++i) {
-    send(room(i), "nowhere");
-    spinFor(0.1);
-  }
+  const ros::Time now = ros::Time::now();
+  for (unsigned i = 0; i < 5; ++i) send(room(i), "nowhere", now + ros::Duration(0.1 * i));
   expectDiagnostic("Input", "Dropped: no transform", "3");
-  EXPECT_EQ("2", diagnostic("Input", "Waiting for a transform"));
+  EXPECT_EQ("2", diagnostic("Input", "Waiting for transforms"));
   EXPECT_TRUE(voxels().empty());
 }
 
@@ -177,6 +178,113 @@ TEST_F(MappingNodelet, GoesOnWhenTimeJumpsBack) {
   EXPECT_TRUE(waitForMap(reference_));
   expectDiagnostic("Input", "Dropped: time jump", "1");
   expectDiagnostic("Input", "Dropped: no transform", "0");
+}
+
+TEST_F(MappingNodelet, ExtremeStampsAreCountedAndEndNothing) {
+  ASSERT_TRUE(load());
+  sendStaticPose("sensor", poseOf(0, 0, 0));
+  send(room(1), "sensor", ros::Time(4000000000U));
+  send(room(1), "sensor", ros::Time(1000000000U));
+  send(room(1), "sensor", ros::Time(4294967295U, 999999999U));
+  send(room(1), "nowhere", ros::Time(4294967295U));
+  expectDiagnostic("Input", "Dropped: malformed", "3");
+  expectDiagnostic("Input", "Inserted", "1");
+  expectDiagnostic("Nodelet", "Callbacks that failed", "0");
+}
+
+TEST_F(MappingNodelet, ALateSensorIsNoJumpOfTime) {
+  ASSERT_TRUE(load());
+  const ros::Time start = ros::Time::now();
+  for (int i = 0; i < 20; ++i) {
+    const ros::Time stamp = start + ros::Duration(0.1 * i);
+    for (const char* sensor : {"early", "late"}) {
+      sendPose(sensor, poseOf(0, 0, 0), stamp - ros::Duration(1.5));
+      sendPose(sensor, poseOf(0, 0, 0), stamp);
+    }
+    spinFor(0.01);
+    send(room(1), "early", stamp);
+    send(room(1), "late", stamp - ros::Duration(1.5));
+  }
+  expectDiagnostic("Input", "Inserted", "40");
+  expectDiagnostic("Input", "Dropped: time jump", "0");
+  expectDiagnostic("Input", "Dropped: no transform", "0");
+}
+
+TEST_F(MappingNodelet, SurvivesWhateverArrives) {
+  setParam("sensor_model/max_range", 100.0);
+  ASSERT_TRUE(load());
+  Recorder<nav_msgs::OccupancyGrid> projection(node_, "projected_map");
+  Recorder<visualization_msgs::MarkerArray> markers(node_, "occupied_cells_vis_array");
+  for (const char* sensor : {"a", "b"}) sendStaticPose(sensor, poseOf(1, 2, 0.5));
+  const std::vector<std::string> frames = {frame("a"), frame("b")};
+  mapping_common::fuzz(frames, [&](mapping_common::MessageFuzz& fuzz) {
+    const std::string sensor = fuzz.pick<std::string>({"a", "b"});
+    switch (fuzz.pick<int>({0, 1, 2})) {
+      case 0: {
+        sensor_msgs::PointCloud2 cloud = room(1);
+        cloud.header.frame_id = frame(sensor);
+        cloud.header.stamp = ros::Time::now();
+        fuzz.spoil(cloud);
+        return clouds_.publish(cloud);
+      }
+      case 1: {
+        sensor_msgs::LaserScan scan;
+        scan.header.frame_id = frame(sensor);
+        scan.header.stamp = ros::Time::now();
+        scan.angle_increment = 0.01F;
+        scan.range_max = 30.0F;
+        scan.ranges.assign(100, 5.0F);
+        scan.intensities.assign(100, 0.5F);
+        fuzz.spoil(scan);
+        return scans_.publish(scan);
+      }
+      default: {
+        tf2_msgs::TFMessage message;
+        message.transforms = {transformOf("moving", poseOf(0, 0, 0), ros::Time::now())};
+        fuzz.spoil(message);
+        return tf_.publish(message);
+      }
+    }
+  });
+  sendStaticPose("good", poseOf(0.1, 0.1, 0.1));
+  std_srvs::Empty reset;
+  ASSERT_TRUE(ros::service::call(name_ + "/reset", reset));
+  reference_.setRange(0.0, 100.0);
+  publish(room(2), "good", poseOf(0.1, 0.1, 0.1));
+  EXPECT_TRUE(waitForMap(reference_));
+}
+
+TEST_F(MappingNodelet, BeamsOfCloudsStartAtTheSensor) {
+  setParam("sensor_frame_id", frame("lidar"));
+  ASSERT_TRUE(load());
+  const auto pose = poseOf(2.3, 0.4, 0.1, 0.3);
+  const auto cloud = room(1);
+  const Scan expected = toScan(cloud, pose, {}).scan;
+  auto registered = makeCloud(expected.hits);
+  registered.header.frame_id = map_frame_;  // as LOAM publishes them
+  registered.header.stamp = ros::Time::now();
+  clouds_.publish(registered);
+  expectDiagnostic("Input", "Waiting for transforms", "1");
+  sendStaticPose("lidar", pose);
+  reference_.insertScan(expected);
+  EXPECT_TRUE(waitForMap(reference_));
+}
+
+TEST_F(MappingNodelet, WarnsOfCloudsInTheMapsFrame) {
+  Recorder<rosgraph_msgs::Log> log(node_, "/rosout");
+  ASSERT_TRUE(load());
+  spinFor(0.5);  // to be connected
+  auto cloud = room(1);
+  cloud.header.frame_id = map_frame_;
+  cloud.header.stamp = ros::Time::now();
+  clouds_.publish(cloud);
+  EXPECT_TRUE(waitFor([&] {
+    return std::any_of(log.messages.begin(), log.messages.end(), [](const rosgraph_msgs::Log& message) {
+      return message.level == rosgraph_msgs::Log::WARN &&
+             message.msg.find("~sensor_frame_id") != std::string::npos;
+    });
+  }));
+  expectDiagnostic("Input", "Inserted", "1");
 }
 
 TEST_F(MappingNodelet, ScanWithoutReturnClears) {
@@ -240,6 +348,10 @@ TEST_F(MappingNodelet, SavesAndLoads) {
   }
   EXPECT_FALSE(callWithPath<mapping_msgs::SaveMap>("save_map", directory / "missing/map").success);
   EXPECT_FALSE(callWithPath<mapping_msgs::SaveMap>("save_map", "relative").success);
+  const auto foreign = callWithPath<mapping_msgs::SaveMap>("save_map", directory / "map.bt");
+  EXPECT_FALSE(foreign.success);
+  EXPECT_NE(std::string::npos, foreign.message.find("OctoMap")) << foreign.message;
+  EXPECT_NE(0, access((directory / "map.bt").c_str(), F_OK));
 
   // The loaded map goes on.
   sendStaticPose("later", poseOf(1, 1, 0.2));
@@ -350,6 +462,7 @@ TEST_F(MappingNodelet, DoesNotStartWithAnUnknownParameter) {
   setParam("sensor_model/maxrange", 10.0);
   const std::string why = whyNotLoaded();
   EXPECT_NE(std::string::npos, why.find("unknown: ~sensor_model/maxrange")) << why;
+  EXPECT_NE(std::string::npos, why.find("rosparam delete " + name_ + "/sensor_model/maxrange")) << why;
 }
 
 TEST_F(MappingNodelet, DoesNotStartWithoutItsMapFile) {

@@ -28,6 +28,26 @@ class SimTime : public NodeletTest {
   ros::Publisher clock_;
 };
 
+// As /use_sim_time is left true by whoever played a recording.
+TEST_F(SimTime, AClockThatStandsIsSaid) {
+  ASSERT_TRUE(load());
+  const auto summary = [&] {
+    std::string text;
+    for (const auto& message : diagnostics_.messages) {
+      for (const auto& status : message.status) {
+        if (status.name.find(name_.substr(1) + ": Nodelet") != std::string::npos) text = status.message;
+      }
+    }
+    return text;
+  };
+  EXPECT_TRUE(waitFor([&] { return summary() == "/use_sim_time is true, and the clock stands"; }, 15.0))
+      << summary();
+  rosgraph_msgs::Clock clock;
+  clock.clock = ros::Time(500.0);
+  clock_.publish(clock);
+  EXPECT_TRUE(waitFor([&] { return summary() == "Running"; }, 5.0)) << summary();
+}
+
 TEST_F(SimTime, MapGoesOnWhenARecordingLoops) {
   ASSERT_TRUE(load());
   Recorder<visualization_msgs::MarkerArray> markers(node_, "occupied_cells_vis_array");

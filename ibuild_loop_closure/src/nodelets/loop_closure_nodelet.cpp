@@ -5,28 +5,27 @@
 #include <cv_bridge/cv_bridge.h>
 #include <ibuild_loop_closure/LoopClosureConfig.h>
 #include <image_transport/image_transport.h>
+#include <mapping_common/arrivals.h>
 #include <mapping_common/nodelet.h>
 #include <mapping_msgs/EdgeConstraint.h>
 #include <mapping_msgs/LoadMap.h>
 #include <mapping_msgs/SaveMap.h>
-#include <message_filters/subscriber.h>
 #include <message_filters/sync_policies/approximate_time.h>
 #include <message_filters/sync_policies/exact_time.h>
 #include <message_filters/synchronizer.h>
 #include <std_srvs/Empty.h>
-#include <tf2_eigen/tf2_eigen.h>
-#include <tf2_ros/buffer.h>
-#include <tf2_ros/transform_listener.h>
 
 #include <algorithm>
 #include <array>
 #include <functional>
 #include <iomanip>
+#include <map>
 #include <memory>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <pluginlib/class_list_macros.hpp>
 #include <sstream>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -37,43 +36,58 @@
 namespace ibuild_loop_closure {
 namespace {
 
-// Why an image was dropped: the order of the names given to drops_.
-enum Reason { kMalformed, kOutOfOrder, kNoTransform };
+using mapping_common::Arrivals;
 
-// Stamps may be out of order by this much before time is said to have jumped back.
-const ros::Duration kJump(1.0);
+constexpr const char* kImages = "image";       // what Arrivals calls the sensor
+constexpr int kThumbnailWidth = 320;           // pixels, of the debug image's halves
+constexpr std::size_t kMostThumbnails = 2000;  // that are kept, of about 10 kB each
+constexpr std::size_t kMostWaiting = 100;      // images, for transforms where stamps don't go on
 
-constexpr int kThumbnailWidth = 320;  // pixels, of the debug image's halves
+std::string toText(const ros::Time& stamp) {
+  std::ostringstream text;
+  text << stamp << " s";
+  return text.str();
+}
 
 // What happened since the last diagnostics.
 struct Activity {
-  std::size_t images = 0, key_frames = 0;
+  std::size_t key_frames = 0;
   std::array<double, kStages> seconds = {};
   double longest = 0.0;
 };
 
-// Two topics whose messages belong together.
+// Messages of two topics that belong together. Their stamps must be in order.
 template <class Policy, class First, class Second>
 class Synchronized {
  public:
   using FirstPtr = boost::shared_ptr<const First>;
   using SecondPtr = boost::shared_ptr<const Second>;
   using Callback = std::function<void(const FirstPtr&, const SecondPtr&)>;
-  Synchronized(ros::NodeHandle node, const std::string& first_topic, const std::string& second_topic,
-               std::uint32_t queue, Callback callback)
-      : callback_(std::move(callback)),
-        first_(node, first_topic, queue),
-        second_(node, second_topic, queue),
-        both_(Policy(queue), first_, second_) {
-    both_.registerCallback(&Synchronized::arrived, this);
+  Synchronized(int queue, Callback callback) : queue_(queue), callback_(std::move(callback)) { restart(); }
+
+  void addFirst(const FirstPtr& first) { add<0>(ros::MessageEvent<const First>(first)); }
+  void addSecond(const SecondPtr& second) { add<1>(ros::MessageEvent<const Second>(second)); }
+  // Forgets those that wait for their like.
+  void restart() {
+    both_ = std::make_unique<message_filters::Synchronizer<Policy>>(Policy(queue_));
+    both_->registerCallback(&Synchronized::arrived, this);
   }
 
  private:
+  // It throws where stamps differ by more than half a century, and doesn't recover by itself.
+  template <int I, class Event>
+  void add(const Event& event) {
+    try {
+      both_->template add<I>(event);
+    } catch (const std::runtime_error&) {
+      restart();
+      throw;
+    }
+  }
   void arrived(const FirstPtr& first, const SecondPtr& second) { callback_(first, second); }
+  int queue_;
   Callback callback_;
-  message_filters::Subscriber<First> first_;
-  message_filters::Subscriber<Second> second_;
-  message_filters::Synchronizer<Policy> both_;
+  std::unique_ptr<message_filters::Synchronizer<Policy>> both_;
 };
 
 }  // namespace
@@ -87,20 +101,21 @@ class LoopClosureNodelet : public mapping_common::Nodelet {
   void subscribe();
   template <class Message>
   void subscribePairs(const std::string& topic);
+  template <class Policy, class First, class Second>
+  void subscribePair(const std::string& first_topic, const std::string& second_topic,
+                     typename Synchronized<Policy, First, Second>::Callback arrived);
   template <class Message>
   void arrived(
       const boost::shared_ptr<const Message>& image,
       const std::function<void(Frame&)>& add_depth = [](Frame&) {});
-  bool inOrder(const ros::Time& stamp);
-  bool poseAt(const std_msgs::Header& header, std::optional<Eigen::Isometry3d>& pose);
   void process(const Frame& frame, const std_msgs::Header& header);
+  void keepThumbnail(int image, const cv::Mat& grey);
   void publish(const Loop& loop, const std_msgs::Header& header);
-  void drop(Reason reason, const std::string& why);
+  void publishDebugImage(const Loop& loop, const std_msgs::Header& header);
 
-  bool saveVocabulary(mapping_msgs::SaveMap::Request& request, mapping_msgs::SaveMap::Response& response);
-  bool loadVocabulary(mapping_msgs::LoadMap::Request& request, mapping_msgs::LoadMap::Response& response);
+  void offerServices();
   std::string load(const std::string& path);
-  bool reset(std_srvs::Empty::Request&, std_srvs::Empty::Response&);
+  void reset();
   void reconfigure(const LoopClosureConfig& config);
   void report() override;
   void diagnoseInput(StatusWrapper& status);
@@ -111,27 +126,24 @@ class LoopClosureNodelet : public mapping_common::Nodelet {
   KeyFrameSelector key_frames_;
   std::optional<Camera> camera_;
   sensor_msgs::CameraInfoConstPtr right_info_;
-  // Of each image of the vocabulary; those that a file brought have stamp zero and no thumbnail.
-  std::vector<ros::Time> stamps_;
-  std::vector<std::vector<unsigned char>> thumbnails_;  // JPEG
+  std::vector<ros::Time> stamps_;  // of each image of the vocabulary; zero of those that a file brought
+  std::map<int, std::vector<unsigned char>> thumbnails_;  // JPEG, of the last images, for who listens
   int loaded_ = 0;
-  ros::Time last_stamp_;
 
-  tf2_ros::Buffer tf_buffer_;
-  std::unique_ptr<tf2_ros::TransformListener> tf_listener_;
+  std::unique_ptr<Arrivals> arrivals_;
   std::unique_ptr<image_transport::ImageTransport> transport_;
   image_transport::Subscriber images_;
   ros::Subscriber camera_info_, right_camera_info_, compressed_images_;
-  std::shared_ptr<void> pairs_;  // a Synchronized
+  ros::Subscriber first_, second_;  // of pairs
+  std::function<void()> restart_pairs_ = [] {};
   ros::Publisher loops_;
   image_transport::Publisher debug_images_;
-  std::vector<ros::ServiceServer> services_;
   Activity activity_;
-  mapping_common::DropCounts drops_{{"malformed", "out of order", "no transform"}};
   std::size_t accepted_ = 0, with_transform_ = 0;
 };
 
 LoopClosureNodelet::~LoopClosureNodelet() {
+  endCallbacks();
   if (!detector_ || parameters_.save_on_shutdown.empty() || detector_->images() == 0) return;
   try {
     detector_->save(parameters_.save_on_shutdown);
@@ -146,6 +158,7 @@ void LoopClosureNodelet::start(mapping_common::Parameters& reader) {
   ros::NodeHandle& private_node = getPrivateNodeHandle();
   parameters_ = readLoopClosureParameters(reader);
   rejectUnknown(reader, {"debug_image/"});
+  mapping_common::requireOwnEnding(parameters_.save_on_shutdown);
 
   detector_ = std::make_unique<LoopDetector>(parameters_.detector);
   if (!parameters_.vocabulary_file.empty()) NODELET_INFO_STREAM(load(parameters_.vocabulary_file));
@@ -164,12 +177,8 @@ void LoopClosureNodelet::start(mapping_common::Parameters& reader) {
   allowReconfiguration<LoopClosureConfig>(
       config, [this](const LoopClosureConfig& changed, std::uint32_t) { reconfigure(changed); });
 
-  tf_listener_ = std::make_unique<tf2_ros::TransformListener>(tf_buffer_, node, false);
   subscribe();
-  services_ = {private_node.advertiseService("save_vocabulary", &LoopClosureNodelet::saveVocabulary, this),
-               private_node.advertiseService("load_vocabulary", &LoopClosureNodelet::loadVocabulary, this),
-               private_node.advertiseService("reset", &LoopClosureNodelet::reset, this)};
-
+  offerServices();
   startDiagnostics("none", {{"Input", [this](StatusWrapper& status) { diagnoseInput(status); }},
                             {"Loop closure", [this](StatusWrapper& status) { diagnoseLoops(status); }}});
 }
@@ -178,6 +187,18 @@ void LoopClosureNodelet::start(mapping_common::Parameters& reader) {
 
 void LoopClosureNodelet::subscribe() {
   ros::NodeHandle& node = getNodeHandle();
+  Arrivals::Options options;
+  options.drops.name = getName();
+  options.drops.warning = "Dropped an image";
+  options.in_order = true;
+  if (key_frames_.options.needsMotion()) options.transforms.target_frame = parameters_.fixed_frame;
+  options.transforms.timeout = parameters_.transform_timeout;
+  options.transforms.most = kMostWaiting;
+  arrivals_ = std::make_unique<Arrivals>(node, guard(), options, [this](const ros::Time&) {
+    restart_pairs_();
+    detector_->breakSequence();
+    key_frames_.reset();
+  });
   const int queue = parameters_.queue_size;
   // As image_transport names it; its plugin isn't everywhere, and unpacking takes none.
   const std::string compressed = node.resolveName("image") + "/compressed";
@@ -190,11 +211,14 @@ void LoopClosureNodelet::subscribe() {
   } else if (pairs) {
     subscribePairs<sensor_msgs::CompressedImage>(compressed);
   } else if (raw) {
-    images_ = transport_->subscribe("image", queue,
-                                    [this](const sensor_msgs::ImageConstPtr& image) { arrived(image); });
+    images_ = transport_->subscribe("image", queue, [this](const sensor_msgs::ImageConstPtr& image) {
+      if (arrivals_->accept(kImages, "Images", image->header)) arrived(image);
+    });
   } else {
     compressed_images_ = node.subscribe<sensor_msgs::CompressedImage>(
-        compressed, queue, [this](const sensor_msgs::CompressedImageConstPtr& image) { arrived(image); });
+        compressed, queue, [this](const sensor_msgs::CompressedImageConstPtr& image) {
+          if (arrivals_->accept(kImages, "Images", image->header)) arrived(image);
+        });
   }
 }
 
@@ -202,75 +226,58 @@ template <class Message>
 void LoopClosureNodelet::subscribePairs(const std::string& topic) {
   using message_filters::sync_policies::ApproximateTime;
   using message_filters::sync_policies::ExactTime;
+  using MessagePtr = boost::shared_ptr<const Message>;
   if (parameters_.use_depth) {
-    using Policy = ApproximateTime<Message, sensor_msgs::Image>;
-    pairs_ = std::make_shared<Synchronized<Policy, Message, sensor_msgs::Image>>(
-        getNodeHandle(), topic, "depth", parameters_.queue_size,
-        [this](const boost::shared_ptr<const Message>& image, const sensor_msgs::ImageConstPtr& depth) {
-          arrived(image, [&](Frame& frame) { frame.depth = toDepth(*depth); });
+    subscribePair<ApproximateTime<Message, sensor_msgs::Image>, Message, sensor_msgs::Image>(
+        topic, "depth", [this](const MessagePtr& image, const sensor_msgs::ImageConstPtr& depth) {
+          arrived(image, [depth](Frame& frame) { frame.depth = toDepth(*depth); });
         });
   } else {  // stereo: both cameras are triggered together
-    using Policy = ExactTime<Message, Message>;
     right_camera_info_ = getNodeHandle().subscribe<sensor_msgs::CameraInfo>(
         "right/camera_info", 1, [this](const sensor_msgs::CameraInfoConstPtr& info) { right_info_ = info; });
     const bool raw = parameters_.image_transport == "raw";
-    const std::string right = getNodeHandle().resolveName("right/image") + (raw ? "" : "/compressed");
-    pairs_ = std::make_shared<Synchronized<Policy, Message, Message>>(
-        getNodeHandle(), topic, right, parameters_.queue_size,
-        [this](const boost::shared_ptr<const Message>& image,
-               const boost::shared_ptr<const Message>& right_image) {
-          arrived(image, [&](Frame& frame) {
+    subscribePair<ExactTime<Message, Message>, Message, Message>(
+        topic, getNodeHandle().resolveName("right/image") + (raw ? "" : "/compressed"),
+        [this](const MessagePtr& image, const MessagePtr& right_image) {
+          arrived(image, [this, right_image](Frame& frame) {
             if (right_info_) frame.right = toRightImage(toImage(*right_image), *right_info_);
           });
         });
   }
 }
 
+template <class Policy, class First, class Second>
+void LoopClosureNodelet::subscribePair(const std::string& first_topic, const std::string& second_topic,
+                                       typename Synchronized<Policy, First, Second>::Callback arrived) {
+  const auto pairs =
+      std::make_shared<Synchronized<Policy, First, Second>>(parameters_.queue_size, std::move(arrived));
+  restart_pairs_ = [pairs] { pairs->restart(); };
+  ros::NodeHandle& node = getNodeHandle();
+  first_ = node.subscribe<First>(first_topic, parameters_.queue_size,
+                                 [this, pairs](const boost::shared_ptr<const First>& first) {
+                                   if (arrivals_->accept(kImages, "Images", first->header))
+                                     pairs->addFirst(first);
+                                 });
+  second_ = node.subscribe<Second>(second_topic, parameters_.queue_size,
+                                   [this, pairs](const boost::shared_ptr<const Second>& second) {
+                                     if (arrivals_->accept("second", "Second images", second->header))
+                                       pairs->addSecond(second);
+                                   });
+}
+
 template <class Message>
 void LoopClosureNodelet::arrived(const boost::shared_ptr<const Message>& image,
                                  const std::function<void(Frame&)>& add_depth) {
-  ++activity_.images;
-  const std_msgs::Header& header = image->header;
-  if (!inOrder(header.stamp)) return;
-  try {
+  arrivals_->add(kImages, image->header, [=](const Arrivals::Transforms& transforms) {
     Frame frame;
     frame.image = toImage(*image);
     std::optional<Eigen::Isometry3d> pose;
-    if (!poseAt(header, pose)) return;
-    if (!key_frames_.select(header.stamp.toSec(), pose, frame.image)) return;
+    if (key_frames_.options.needsMotion()) pose = transforms.message;
+    if (!key_frames_.select(image->header.stamp.toSec(), pose, frame.image)) return;
     add_depth(frame);
     frame.camera = camera_;
-    process(frame, header);
-  } catch (const std::exception& e) {
-    drop(kMalformed, e.what());
-  }
-}
-
-bool LoopClosureNodelet::inOrder(const ros::Time& stamp) {
-  if (stamp + kJump < last_stamp_) {
-    NODELET_WARN_STREAM("Time jumped back by " << last_stamp_ - stamp << " s: the vocabulary goes on");
-    if (!ros::Time::isSimTime()) tf_buffer_.clear();
-    detector_->breakSequence();
-    key_frames_.reset();
-  } else if (stamp < last_stamp_) {
-    drop(kOutOfOrder, "its stamp is earlier than that of the image before");
-    return false;
-  }
-  last_stamp_ = stamp;
-  return true;
-}
-
-// The latest pose: key frames need no better.
-bool LoopClosureNodelet::poseAt(const std_msgs::Header& header, std::optional<Eigen::Isometry3d>& pose) {
-  if (!key_frames_.options.needsMotion()) return true;
-  try {
-    pose = tf2::transformToEigen(
-        tf_buffer_.lookupTransform(parameters_.fixed_frame, header.frame_id, ros::Time(0)));
-    return true;
-  } catch (const tf2::TransformException& e) {
-    drop(kNoTransform, e.what());
-    return false;
-  }
+    process(frame, image->header);
+  });
 }
 
 void LoopClosureNodelet::process(const Frame& frame, const std_msgs::Header& header) {
@@ -283,24 +290,37 @@ void LoopClosureNodelet::process(const Frame& frame, const std_msgs::Header& hea
   });
   ++activity_.key_frames;
   activity_.longest = std::max(activity_.longest, (last - start).toSec());
-  stamps_.push_back(header.stamp);
-  thumbnails_.emplace_back();
-  if (parameters_.debug_image) {
-    cv::Mat grey = frame.image, small;
-    if (grey.depth() != CV_8U) cv::normalize(grey, grey, 0, 255, cv::NORM_MINMAX, CV_8U);
-    const double factor = std::min(1.0, static_cast<double>(kThumbnailWidth) / grey.cols);
-    cv::resize(grey, small, {}, factor, factor, cv::INTER_AREA);
-    cv::imencode(".jpg", small, thumbnails_.back());
-  }
+  stamps_.resize(detection.image + 1);
+  stamps_.back() = header.stamp;
+  if (parameters_.debug_image && debug_images_.getNumSubscribers() > 0)
+    keepThumbnail(detection.image, frame.image);
   if (detection.accepted) publish(*detection.best, header);
 }
 
+void LoopClosureNodelet::keepThumbnail(int image, const cv::Mat& grey) {
+  const int width = std::min(kThumbnailWidth, grey.cols);
+  cv::Mat small;
+  cv::resize(grey, small, {width, std::max(1, grey.rows * width / grey.cols)}, 0.0, 0.0, cv::INTER_AREA);
+  cv::imencode(".jpg", small, thumbnails_[image]);
+  if (thumbnails_.size() > kMostThumbnails) thumbnails_.erase(thumbnails_.begin());
+}
+
 void LoopClosureNodelet::publish(const Loop& loop, const std_msgs::Header& header) {
+  const bool has_transform = loop.geometry.pose.has_value(), other_run = loop.match < loaded_;
   ++accepted_;
-  with_transform_ += loop.geometry.pose.has_value();
-  loops_.publish(toEdge(loop, header, stamps_[loop.match], loop.match < loaded_));
-  if (!parameters_.debug_image || debug_images_.getNumSubscribers() == 0 || thumbnails_[loop.match].empty())
-    return;
+  with_transform_ += has_transform;
+  NODELET_INFO_STREAM("Loop " << accepted_ << ": image " << loop.query << " (" << header.stamp
+                              << " s) shows the place of image " << loop.match << " ("
+                              << (other_run ? "of the file" : toText(stamps_[loop.match])) << "), similarity "
+                              << loop.similarity
+                              << (has_transform ? ", with a transform" : ", without a transform"));
+  loops_.publish(toEdge(loop, header, stamps_[loop.match], other_run));
+  if (parameters_.debug_image && debug_images_.getNumSubscribers() > 0) publishDebugImage(loop, header);
+}
+
+// Where somebody has listened since the match was seen.
+void LoopClosureNodelet::publishDebugImage(const Loop& loop, const std_msgs::Header& header) {
+  if (thumbnails_.count(loop.query) == 0 || thumbnails_.count(loop.match) == 0) return;
   const cv::Mat query = cv::imdecode(thumbnails_[loop.query], cv::IMREAD_GRAYSCALE);
   const cv::Mat match = cv::imdecode(thumbnails_[loop.match], cv::IMREAD_GRAYSCALE);
   std::vector<std::pair<cv::Point2f, cv::Point2f>> points;
@@ -318,47 +338,35 @@ void LoopClosureNodelet::publish(const Loop& loop, const std_msgs::Header& heade
       cv_bridge::CvImage(header, "bgr8", drawPair(query, match, points, caption.str())).toImageMsg());
 }
 
-void LoopClosureNodelet::drop(Reason reason, const std::string& why) {
-  drops_.add(reason);
-  NODELET_WARN_STREAM_THROTTLE(
-      5.0, "Dropped an image (" << drops_.name(reason) << "): " << why << ". So far: " << drops_.text());
-}
-
 // ------------------------------------------------------------------------------------------------ services
 
-bool LoopClosureNodelet::saveVocabulary(mapping_msgs::SaveMap::Request& request,
-                                        mapping_msgs::SaveMap::Response& response) {
-  mapping_common::answer(request.path, response, [&] {
-    detector_->save(request.path);
+void LoopClosureNodelet::offerServices() {
+  serveFile<mapping_msgs::SaveMap>("save_vocabulary", [this](const std::string& path) {
+    mapping_common::requireOwnEnding(path);
+    detector_->save(path);
     return "Wrote " + std::to_string(detector_->vocabulary().size()) + " words of " +
-           std::to_string(detector_->images()) + " images to " + request.path;
+           std::to_string(detector_->images()) + " images to " + path;
   });
-  return true;
-}
-
-bool LoopClosureNodelet::loadVocabulary(mapping_msgs::LoadMap::Request& request,
-                                        mapping_msgs::LoadMap::Response& response) {
-  mapping_common::answer(request.path, response, [&] { return load(request.path); });
-  return true;
+  serveFile<mapping_msgs::LoadMap>("load_vocabulary", [this](const std::string& path) { return load(path); });
+  serve<std_srvs::Empty>(getPrivateNodeHandle(), "reset", [this](auto&, auto&) { reset(); });
 }
 
 std::string LoopClosureNodelet::load(const std::string& path) {
   detector_->load(path);
   loaded_ = detector_->images();
   stamps_.assign(loaded_, ros::Time());
-  thumbnails_.assign(loaded_, {});
+  thumbnails_.clear();
   key_frames_.reset();
   return "Read " + std::to_string(detector_->vocabulary().size()) + " words of " + std::to_string(loaded_) +
          " images from " + path + ". Its delta and index replace those of the parameters";
 }
 
-bool LoopClosureNodelet::reset(std_srvs::Empty::Request&, std_srvs::Empty::Response&) {
+void LoopClosureNodelet::reset() {
   detector_ = std::make_unique<LoopDetector>(parameters_.detector);
   stamps_.clear();
   thumbnails_.clear();
   loaded_ = 0;
   key_frames_.reset();
-  return true;
 }
 
 // ------------------------------------------------------------------------------------------- while it runs
@@ -373,21 +381,24 @@ void LoopClosureNodelet::reconfigure(const LoopClosureConfig& config) {
 
 void LoopClosureNodelet::report() {
   Nodelet::report();
-  drops_.endReport();
+  arrivals_->endReport();
   activity_ = {};
 }
 
 void LoopClosureNodelet::diagnoseInput(StatusWrapper& status) {
   using diagnostic_msgs::DiagnosticStatus;
   const double seconds = reportedTime();
-  if (drops_.recent() > 0) {
-    status.summaryf(DiagnosticStatus::WARN, "%zu images dropped", drops_.recent());
+  const std::size_t dropped = arrivals_->drops().recent(), waiting = arrivals_->queue().waiting();
+  if (dropped > 0) {
+    status.summaryf(DiagnosticStatus::WARN, "%zu images dropped", dropped);
+  } else if (activity_.key_frames == 0 && waiting > 0) {
+    status.summaryf(DiagnosticStatus::WARN, "%zu images wait for a transform to %s", waiting,
+                    parameters_.fixed_frame.c_str());
   } else {
-    status.summary(DiagnosticStatus::OK, activity_.images > 0 ? "Images" : "No input");
+    status.summary(DiagnosticStatus::OK, arrivals_->recent() > 0 ? "Images" : "No input");
   }
-  status.addf("Images (Hz)", "%.1f", static_cast<double>(activity_.images) / seconds);
+  arrivals_->addTo(status, seconds);
   status.addf("Key frames (Hz)", "%.1f", static_cast<double>(activity_.key_frames) / seconds);
-  drops_.addTo(status, "Dropped");
   status.add("Camera calibrated", camera_.has_value());
   if (parameters_.use_stereo) status.add("Right camera calibrated", right_info_ != nullptr);
 }

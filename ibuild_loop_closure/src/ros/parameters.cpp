@@ -17,6 +17,7 @@ LoopClosureParameters readLoopClosureParameters(mapping_common::Parameters& p) {
   m.vocabulary_file = p.get("vocabulary_file", m.vocabulary_file);
   m.save_on_shutdown = p.get("save_on_shutdown", m.save_on_shutdown);
   m.fixed_frame = p.get("fixed_frame", m.fixed_frame);
+  m.transform_timeout = p.get("transform_timeout", m.transform_timeout, 0.0, 10.0);
 
   KeyFrameOptions& k = m.key_frames;
   k.min_interval = p.get("key_frames/min_interval", k.min_interval, 0.0, 1e6);
@@ -40,6 +41,7 @@ LoopClosureParameters readLoopClosureParameters(mapping_common::Parameters& p) {
   f.columns = p.get("features/columns", f.columns, 1, 1000);
   f.rows = p.get("features/rows", f.rows, 1, 1000);
   f.equalize = p.get("features/equalize", f.equalize);
+  f.min_width = p.get("features/min_width", f.min_width, 0, 10000);
   f.max_width = p.get("features/max_width", f.max_width, 0, 100000);
 
   d.tracking_delta = p.get("tracking_delta", d.tracking_delta, 1, Descriptor::kBits);

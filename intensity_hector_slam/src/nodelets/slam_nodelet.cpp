@@ -4,6 +4,7 @@
 // nodelet's single-threaded callback queue, so that nothing here needs a lock.
 #include <geometry_msgs/PoseWithCovarianceStamped.h>
 #include <intensity_hector_slam/ResetMapping.h>
+#include <mapping_common/arrivals.h>
 #include <mapping_common/nodelet.h>
 #include <mapping_msgs/LoadMap.h>
 #include <mapping_msgs/SaveMap.h>
@@ -14,8 +15,6 @@
 #include <tf2_eigen/tf2_eigen.h>
 
 #include <algorithm>
-#include <cstdint>
-#include <limits>
 #include <memory>
 #include <optional>
 #include <pluginlib/class_list_macros.hpp>
@@ -29,17 +28,16 @@
 #include "intensity_hector_slam/ros/reconfiguration.h"
 #include "intensity_hector_slam/ros/scan_conversion.h"
 #include "intensity_hector_slam/ros/scan_counts.h"
-#include "intensity_hector_slam/ros/scan_queue.h"
 #include "intensity_hector_slam/ros/slam_publisher.h"
 
 namespace intensity_hector_slam {
 namespace {
 
-// Stamps may be out of order by this much before time is said to have jumped back.
-const ros::Duration kOutOfOrder(1.0);
+using mapping_common::Arrivals;
+using mapping_common::withoutSlash;
 
-// s, that ros::Duration reaches: beyond, differences of stamps throw.
-constexpr std::uint32_t kLastSecond = std::numeric_limits<std::int32_t>::max() - 1;
+// Why a scan gives no pose, beside what Arrivals does.
+constexpr const char *kEmpty = "empty", *kRejected = "rejected", *kPaused = "paused";
 
 constexpr int kReportsWithoutScan = 5;
 
@@ -54,21 +52,13 @@ class SlamNodelet : public mapping_common::Nodelet {
   void offerServices();
   void listen();
 
-  void arrived(const ScanQueue::ScanPointer& message);
-  void process(const sensor_msgs::LaserScan& message, const ScanQueue::Transforms& transforms);
+  void process(const sensor_msgs::LaserScan& message, const Arrivals::Transforms& transforms);
   void report(const sensor_msgs::LaserScan& message, double time);
-  void report(const ScanQueue::Transforms& transforms);
+  void reportOdometry(bool there);
   void timeJumpedBack(const ros::Time& to);
-  void drop(ScanCounts::Reason reason, const std::string& why, std::size_t count = 1);
 
   void initialPose(const geometry_msgs::PoseWithCovarianceStamped& message);
   void systemCommand(const std_msgs::String& message);
-  bool dynamicMap(nav_msgs::GetMap::Request&, nav_msgs::GetMap::Response& response);
-  bool resetMap(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response);
-  bool restart(ResetMapping::Request& request, ResetMapping::Response&);
-  bool pause(std_srvs::SetBool::Request& request, std_srvs::SetBool::Response& response);
-  bool saveMap(mapping_msgs::SaveMap::Request& request, mapping_msgs::SaveMap::Response& response);
-  bool loadMap(mapping_msgs::LoadMap::Request& request, mapping_msgs::LoadMap::Response& response);
   std::string load(const std::string& path);
   void reset(const Pose& pose);
 
@@ -84,9 +74,8 @@ class SlamNodelet : public mapping_common::Nodelet {
   SlamResult last_;
   ros::Time last_stamp_;
 
+  std::unique_ptr<Arrivals> arrivals_;
   ros::Subscriber scan_subscriber_, pose_subscriber_, command_subscriber_;
-  std::unique_ptr<ScanQueue> queue_;
-  std::vector<ros::ServiceServer> services_;
   ros::WallTimer map_timer_;
 
   ScanCounts counts_;
@@ -94,6 +83,7 @@ class SlamNodelet : public mapping_common::Nodelet {
 };
 
 SlamNodelet::~SlamNodelet() {
+  endCallbacks();
   if (parameters_.save_on_shutdown.empty() || !slam_ || slam_->map().updates() == 0) return;
   try {
     slam_->map().save(parameters_.save_on_shutdown);
@@ -107,6 +97,7 @@ void SlamNodelet::start(mapping_common::Parameters& reader) {
   ros::NodeHandle& node = getNodeHandle();
   parameters_ = readSlamParameters(reader);
   rejectUnknown(reader);
+  mapping_common::requireOwnEnding(parameters_.save_on_shutdown);
   for (const std::string& warning : parameters_.warnings) NODELET_WARN_STREAM(warning);
 
   slam_ = std::make_unique<Slam>(parameters_.slam);
@@ -114,10 +105,8 @@ void SlamNodelet::start(mapping_common::Parameters& reader) {
   if (!parameters_.map_file.empty()) NODELET_INFO_STREAM(load(parameters_.map_file));
   publisher_ = std::make_unique<SlamPublisher>(node, parameters_);
 
-  // Wall time: what a bag brought is shown while it is paused, too.
-  map_timer_ = node.createWallTimer(
-      ros::WallDuration(parameters_.map_pub_period),
-      [this](const ros::WallTimerEvent&) { publisher_->publishMaps(last_stamp_, slam_->map()); });
+  map_timer_ =
+      every(parameters_.map_pub_period, [this] { publisher_->publishMaps(last_stamp_, slam_->map()); });
   allowReconfiguration<SlamConfig>(startConfig(reader, parameters_),
                                    [this](const SlamConfig& config, std::uint32_t) { reconfigure(config); });
   offerServices();
@@ -128,14 +117,33 @@ void SlamNodelet::start(mapping_common::Parameters& reader) {
 
 void SlamNodelet::offerServices() {
   ros::NodeHandle& node = getNodeHandle();
-  ros::NodeHandle& private_node = getPrivateNodeHandle();
-  services_ = {node.advertiseService("reset_map", &SlamNodelet::resetMap, this),
-               node.advertiseService("restart_mapping_with_new_pose", &SlamNodelet::restart, this),
-               node.advertiseService("pause_mapping", &SlamNodelet::pause, this),
-               private_node.advertiseService("save_map", &SlamNodelet::saveMap, this),
-               private_node.advertiseService("load_map", &SlamNodelet::loadMap, this)};
+  serve<std_srvs::Trigger>(node, "reset_map", [this](auto&, auto& response) {
+    reset(parameters_.start);
+    response.success = true;
+  });
+  serve<ResetMapping>(node, "restart_mapping_with_new_pose", [this](auto& request, auto&) {
+    reset(toPose(request.initial_pose));
+    paused_ = false;
+  });
+  serve<std_srvs::SetBool>(node, "pause_mapping", [this](auto& request, auto& response) {
+    paused_ = request.data;
+    response.success = true;
+    response.message = paused_ ? "paused" : "going on";
+  });
+  serveFile<mapping_msgs::SaveMap>("save_map", [this](const std::string& path) {
+    mapping_common::requireOwnEnding(path);
+    slam_->map().save(path);
+    return "Wrote the map to " + path;
+  });
+  serveFile<mapping_msgs::LoadMap>("load_map", [this](const std::string& path) {
+    const std::string text = load(path);
+    publisher_->restart();
+    return text;
+  });
   if (parameters_.advertise_map_service) {
-    services_.push_back(node.advertiseService("dynamic_map", &SlamNodelet::dynamicMap, this));
+    serve<nav_msgs::GetMap>(node, "dynamic_map", [this](auto&, auto& response) {
+      response.map = publisher_->occupancyGrid(last_stamp_, slam_->map());
+    });
   }
 }
 
@@ -145,89 +153,72 @@ void SlamNodelet::offerServices() {
 void SlamNodelet::listen() {
   ros::NodeHandle& node = getNodeHandle();
   const SlamParameters& p = parameters_;
-  ScanQueue::Options options;
-  options.base_frame = p.base_frame;
-  options.use_sensor_frame = p.use_tf_scan_transformation;
-  options.timeout = p.transform_timeout;
-  options.needs_body = p.map_with_known_poses;
+  Arrivals::Options options;
+  options.drops.name = getName();
+  options.drops.warning = "No pose from a scan";
+  options.drops.key = "Without a pose";
+  options.drops.reasons = {kEmpty, kRejected, kPaused};
+  mapping_common::TransformQueue::Options& wanted = options.transforms;
+  if (p.use_tf_scan_transformation) wanted.target_frame = p.base_frame;
+  wanted.timeout = p.transform_timeout;
+  wanted.needs_other = p.map_with_known_poses;
+  wanted.other_source = p.base_frame;
   if (p.map_with_known_poses) {
-    options.fixed_frame = p.map_frame;
+    wanted.other_target = p.map_frame;
   } else if (p.usesOdometry() || (p.pub_map_odom_transform && p.odom_frame != p.base_frame)) {
-    options.fixed_frame = p.odom_frame;
+    wanted.other_target = p.odom_frame;
   }
-  asks_for_body_ = !options.fixed_frame.empty();
-  queue_ = std::make_unique<ScanQueue>(
-      node, options,
-      [this](const sensor_msgs::LaserScan& message, const ScanQueue::Transforms& transforms) {
+  asks_for_body_ = !wanted.other_target.empty();
+  arrivals_ =
+      std::make_unique<Arrivals>(node, guard(), options, [this](const ros::Time& to) { timeJumpedBack(to); });
+  scan_subscriber_ = arrivals_->subscribe<sensor_msgs::LaserScan>(
+      p.scan_topic, p.scan_subscriber_queue_size, "Scans",
+      [this](const sensor_msgs::LaserScan& message, const Arrivals::Transforms& transforms) {
         process(message, transforms);
-      },
-      [this](const sensor_msgs::LaserScan& message, const std::string& why) {
-        drop(message.header.frame_id.empty() ? ScanCounts::kMalformed : ScanCounts::kNoTransform, why);
       });
-  scan_subscriber_ = node.subscribe<sensor_msgs::LaserScan>(
-      p.scan_topic, p.scan_subscriber_queue_size,
-      [this](const ScanQueue::ScanPointer& message) { arrived(message); });
   pose_subscriber_ = node.subscribe("initialpose", 2, &SlamNodelet::initialPose, this);
   command_subscriber_ = node.subscribe(p.sys_msg_topic, 2, &SlamNodelet::systemCommand, this);
   NODELET_INFO_STREAM("Scans of " << scan_subscriber_.getTopic() << " tell where " << p.base_frame
                                   << " is in " << p.map_frame);
 }
 
-void SlamNodelet::arrived(const ScanQueue::ScanPointer& message) {
-  counts_.received();
-  const ros::Time& stamp = message->header.stamp;
-  if (stamp.sec > kLastSecond) {
-    return drop(ScanCounts::kMalformed, "its stamp is " + std::to_string(stamp.sec) + " s, after 2038");
-  }
-  if (stamp + kOutOfOrder < last_stamp_) timeJumpedBack(stamp);
-  last_stamp_ = stamp;
-  queue_->add(message);
-}
-
-// Transforms and waiting scans are of another time now; the map stays. Odometry tells where the body is in
-// it, without it is taken to be where it was at that time.
+// The map stays. Odometry tells where the body is in it, without it is taken to be where it was at that time.
 void SlamNodelet::timeJumpedBack(const ros::Time& to) {
-  NODELET_WARN_STREAM("Time jumped back by " << last_stamp_ - to
-                                             << " s: transforms are forgotten, the map goes on");
-  if (const std::size_t waiting = queue_->restart())
-    drop(ScanCounts::kTimeJump, "it waited for a transform", waiting);
-  if (!parameters_.usesOdometry() || !queue_->bodyExists()) {
+  if (!parameters_.usesOdometry() || !arrivals_->queue().otherExists()) {
     if (const auto then = publisher_->keyPoseAt(to)) slam_->setPose(*then);
   }
   publisher_->restart();
 }
 
-void SlamNodelet::process(const sensor_msgs::LaserScan& message, const ScanQueue::Transforms& transforms) {
-  if (paused_) return counts_.drop(ScanCounts::kPaused);
-  const ros::Time& stamp = message.header.stamp;
-  try {
-    const ros::WallTime start = ros::WallTime::now();
-    bool raw = false;
-    const Scan scan = toScan(message, transforms.sensor_in_body, parameters_.scan, &raw);
-    if (raw) {
-      NODELET_WARN_STREAM_ONCE(
-          "Raw intensities are left out: with reflectivity_scale they are to be about 0 "
-          "(black) to 1 (white paper)");
-    }
-    if (parameters_.map_with_known_poses) {
-      last_ = slam_->insert(scan, *transforms.body);
-    } else {
-      last_ = slam_->process(scan, parameters_.usesOdometry() ? transforms.body : std::nullopt);
-    }
-    const double time = (ros::WallTime::now() - start).toSec();
-    publisher_->publishCloud(message);
-    if (!parameters_.map_with_known_poses) {
-      if (last_.status != Status::kEmpty && last_.status != Status::kRejected)
-        publisher_->publishPose(stamp, last_);
-      const bool is_body = parameters_.odom_frame == parameters_.base_frame;
-      publisher_->publishTransforms(stamp, last_.pose, is_body ? Pose::Zero() : transforms.body,
-                                    is_body || queue_->bodyExists());
-      if (asks_for_body_) report(transforms);
-    }
-    report(message, time);
-  } catch (const std::invalid_argument& e) {
-    drop(ScanCounts::kMalformed, e.what());
+void SlamNodelet::process(const sensor_msgs::LaserScan& message, const Arrivals::Transforms& transforms) {
+  if (paused_) return arrivals_->drops().add(kPaused, "");
+  const ros::Time& stamp = last_stamp_ = message.header.stamp;
+  const ros::WallTime start = ros::WallTime::now();
+  bool raw = false;
+  const Scan scan = toScan(message, transforms.message, parameters_.scan, &raw);
+  if (raw) {
+    NODELET_WARN_STREAM_ONCE(
+        "Raw intensities are left out: with reflectivity_scale they are to be about 0 "
+        "(black) to 1 (white paper)");
   }
+  std::optional<Pose> body;
+  if (transforms.other) body = toPose(*transforms.other);
+  if (parameters_.map_with_known_poses) {
+    last_ = slam_->insert(scan, *body);
+  } else {
+    last_ = slam_->process(scan, parameters_.usesOdometry() ? body : std::nullopt);
+  }
+  const double time = (ros::WallTime::now() - start).toSec();
+  publisher_->publishCloud(message);
+  if (!parameters_.map_with_known_poses) {
+    if (last_.status != Status::kEmpty && last_.status != Status::kRejected)
+      publisher_->publishPose(stamp, last_);
+    const bool is_body = parameters_.odom_frame == parameters_.base_frame;
+    publisher_->publishTransforms(stamp, last_.pose, is_body ? Pose::Zero() : body,
+                                  is_body || arrivals_->queue().otherExists());
+    if (asks_for_body_) reportOdometry(body.has_value());
+  }
+  report(message, time);
 }
 
 void SlamNodelet::report(const sensor_msgs::LaserScan& message, double time) {
@@ -238,27 +229,28 @@ void SlamNodelet::report(const sensor_msgs::LaserScan& message, double time) {
   }
   if (last_.gap > 0.0) NODELET_WARN_STREAM("A pause of " << last_.gap << " s before this scan");
   if (last_.status == Status::kEmpty) {
-    drop(ScanCounts::kEmpty, "fewer than " + std::to_string(parameters_.slam.min_points) + " of its " +
-                                 std::to_string(message.ranges.size()) + " points are within the limits");
+    arrivals_->drops().add(kEmpty, "fewer than " + std::to_string(parameters_.slam.min_points) + " of its " +
+                                       std::to_string(message.ranges.size()) +
+                                       " points are within the limits");
   } else if (last_.status == Status::kRejected) {
-    drop(ScanCounts::kRejected,
-         std::to_string(static_cast<int>(100.0 * last_.match.contradiction)) +
-             " % of its points are in free space, or it is too far from the first guess");
+    arrivals_->drops().add(kRejected,
+                           std::to_string(static_cast<int>(100.0 * last_.match.contradiction)) +
+                               " % of its points are in free space, or it is too far from the first guess");
   }
 }
 
-void SlamNodelet::report(const ScanQueue::Transforms& transforms) {
-  const bool there = transforms.body.has_value();
-  counts_.odometry(there, queue_->bodyExists());
-  if (!there && queue_->bodyExists()) {
-    NODELET_WARN_STREAM_THROTTLE(5.0, "No odometry for a scan: " << queue_->whyNoBody());
+void SlamNodelet::reportOdometry(bool there) {
+  const bool exists = arrivals_->queue().otherExists();
+  const std::string& why = arrivals_->queue().whyNoOther();
+  counts_.odometry(there, exists);
+  if (!there && exists) {
+    NODELET_WARN_STREAM_THROTTLE(5.0, "No odometry for a scan: " << why);
   } else if (there != has_odometry_) {
     if (there) {
       NODELET_INFO_STREAM("Odometry comes from " << parameters_.odom_frame);
     } else {
       NODELET_WARN_STREAM("Mapping goes on without odometry, which is used once tf has it: "
-                          << queue_->whyNoBody() << ". If there is none, set odom_frame to "
-                          << parameters_.base_frame);
+                          << why << ". If there is none, set odom_frame to " << parameters_.base_frame);
     }
   }
   has_odometry_ = there;
@@ -267,12 +259,6 @@ void SlamNodelet::report(const ScanQueue::Transforms& transforms) {
                                  "Odometry jumped, faster than max_speed or max_turn_rate: it is not "
                                  "used for this scan");
   }
-}
-
-void SlamNodelet::drop(ScanCounts::Reason reason, const std::string& why, std::size_t count) {
-  counts_.drop(reason, count);
-  NODELET_WARN_STREAM_THROTTLE(
-      5.0, "No pose from a scan (" << counts_.name(reason) << "): " << why << ". So far: " << counts_.text());
 }
 
 // -----------------------------------------------------------------------------------------------------
@@ -288,8 +274,8 @@ void SlamNodelet::initialPose(const geometry_msgs::PoseWithCovarianceStamped& me
     const std::string frame = withoutSlash(message.header.frame_id);
     Eigen::Isometry3d to_map = Eigen::Isometry3d::Identity();
     if (!frame.empty() && frame != parameters_.map_frame) {
-      to_map =
-          tf2::transformToEigen(queue_->buffer().lookupTransform(parameters_.map_frame, frame, ros::Time(0)));
+      to_map = tf2::transformToEigen(
+          arrivals_->queue().buffer().lookupTransform(parameters_.map_frame, frame, ros::Time(0)));
     }
     slam_->setPose(toPose(Eigen::Isometry3d(to_map * toIsometry(toPose(message.pose.pose)))));
     publisher_->restart();
@@ -301,54 +287,6 @@ void SlamNodelet::initialPose(const geometry_msgs::PoseWithCovarianceStamped& me
 
 void SlamNodelet::systemCommand(const std_msgs::String& message) {
   if (message.data == "reset") reset(parameters_.start);
-}
-
-bool SlamNodelet::dynamicMap(nav_msgs::GetMap::Request&, nav_msgs::GetMap::Response& response) {
-  response.map = publisher_->occupancyGrid(last_stamp_, slam_->map());
-  return true;
-}
-
-bool SlamNodelet::resetMap(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
-  reset(parameters_.start);
-  response.success = true;
-  return true;
-}
-
-bool SlamNodelet::restart(ResetMapping::Request& request, ResetMapping::Response&) {
-  try {
-    reset(toPose(request.initial_pose));
-    paused_ = false;
-    return true;
-  } catch (const std::invalid_argument& e) {
-    NODELET_ERROR_STREAM("Mapping goes on as it was: " << e.what());
-    return false;
-  }
-}
-
-bool SlamNodelet::pause(std_srvs::SetBool::Request& request, std_srvs::SetBool::Response& response) {
-  paused_ = request.data;
-  response.success = true;
-  response.message = paused_ ? "paused" : "going on";
-  return true;
-}
-
-bool SlamNodelet::saveMap(mapping_msgs::SaveMap::Request& request,
-                          mapping_msgs::SaveMap::Response& response) {
-  mapping_common::answer(request.path, response, [&] {
-    slam_->map().save(request.path);
-    return "Wrote the map to " + request.path;
-  });
-  return true;
-}
-
-bool SlamNodelet::loadMap(mapping_msgs::LoadMap::Request& request,
-                          mapping_msgs::LoadMap::Response& response) {
-  mapping_common::answer(request.path, response, [&] {
-    const std::string text = load(request.path);
-    publisher_->restart();
-    return text;
-  });
-  return true;
 }
 
 std::string SlamNodelet::load(const std::string& path) {
@@ -369,15 +307,17 @@ void SlamNodelet::reconfigure(const SlamConfig& config) {
 
 void SlamNodelet::report() {
   Nodelet::report();
-  if (counts_.allReceived() == 0 && ++reports_without_scan_ == kReportsWithoutScan) {
+  if (arrivals_->received() == 0 && ++reports_without_scan_ == kReportsWithoutScan) {
     NODELET_WARN_STREAM(whyNoScan(scan_subscriber_.getTopic()));
   }
+  arrivals_->endReport();
   counts_.endReport();
 }
 
 void SlamNodelet::diagnoseScans(StatusWrapper& status) {
-  counts_.addTo(status, reportedTime(), queue_->waiting(),
+  counts_.addTo(status, reportedTime(), arrivals_->drops().recent(), arrivals_->queue().waiting(),
                 slam_->options().localization ? "Localizing" : "Mapping");
+  arrivals_->addTo(status, reportedTime());
   if (paused_) status.summary(diagnostic_msgs::DiagnosticStatus::OK, "Paused");
 }
 

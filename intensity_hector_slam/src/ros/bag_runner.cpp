@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "intensity_hector_slam/ros/bag_runner.h"
 
+#include <mapping_common/transform_queue.h>
 #include <nav_msgs/Odometry.h>
 #include <rosbag/bag.h>
 #include <rosbag/view.h>
@@ -12,8 +13,6 @@
 #include <memory>
 #include <optional>
 #include <stdexcept>
-
-#include "intensity_hector_slam/ros/scan_queue.h"
 
 namespace intensity_hector_slam {
 namespace {
@@ -42,8 +41,8 @@ std::unique_ptr<tf2::BufferCore> readTransforms(const rosbag::Bag& bag) {
     if (!message) continue;
     const bool is_static = instance.getTopic().find("static") != std::string::npos;
     for (geometry_msgs::TransformStamped transform : message->transforms) {
-      transform.header.frame_id = withoutSlash(transform.header.frame_id);
-      transform.child_frame_id = withoutSlash(transform.child_frame_id);
+      transform.header.frame_id = mapping_common::withoutSlash(transform.header.frame_id);
+      transform.child_frame_id = mapping_common::withoutSlash(transform.child_frame_id);
       buffer->setTransform(transform, "bag", is_static);
     }
   }
@@ -101,7 +100,7 @@ BagResult runBag(const BagOptions& options, const SlamParameters& parameters,
     const auto message = instance.instantiate<sensor_msgs::LaserScan>();
     if (!message) throw std::runtime_error(options.scan_topic + " isn't a sensor_msgs/LaserScan");
     try {
-      const std::string scanner = withoutSlash(message->header.frame_id);
+      const std::string scanner = mapping_common::withoutSlash(message->header.frame_id);
       const ros::Time& stamp = message->header.stamp;
       if (done == 1) {
         result.scanner_is_body = scanner == parameters.base_frame || !parameters.use_tf_scan_transformation ||
@@ -118,8 +117,8 @@ BagResult runBag(const BagOptions& options, const SlamParameters& parameters,
       if (odometry_poses) {
         odometry = toPose(lookup(*odometry_poses, kOdometry, kBody, stamp));
       } else if (!options.odom_frame.empty()) {
-        odometry =
-            toPose(lookup(*transforms, withoutSlash(options.odom_frame), parameters.base_frame, stamp));
+        odometry = toPose(lookup(*transforms, mapping_common::withoutSlash(options.odom_frame),
+                                 parameters.base_frame, stamp));
       }
       bool raw = false;
       const Scan scan = toScan(*message, sensor, parameters.scan, &raw);

@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "intensity_hector_slam/ros/parameters.h"
 
+#include <mapping_common/transform_queue.h>
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
 #include <stdexcept>
-
-#include "intensity_hector_slam/ros/scan_queue.h"
 
 namespace intensity_hector_slam {
 namespace {
@@ -154,7 +153,8 @@ SlamParameters readSlamParameters(mapping_common::Parameters& p) {
   name("sys_msg_topic", s.sys_msg_topic);
   name("pose_update_topic", s.pose_update_topic);
   name("tf_map_scanmatch_transform_frame_name", s.tf_map_scanmatch_transform_frame_name);
-  for (std::string* frame : {&s.base_frame, &s.odom_frame, &s.map_frame}) *frame = withoutSlash(*frame);
+  for (std::string* frame : {&s.base_frame, &s.odom_frame, &s.map_frame})
+    *frame = mapping_common::withoutSlash(*frame);
   s.use_tf_scan_transformation = p.get("use_tf_scan_transformation", s.use_tf_scan_transformation);
   s.map_with_known_poses = p.get("map_with_known_poses", s.map_with_known_poses);
   s.pub_map_odom_transform = p.get("pub_map_odom_transform", s.pub_map_odom_transform);

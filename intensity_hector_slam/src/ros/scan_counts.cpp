@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "intensity_hector_slam/ros/scan_counts.h"
 
+#include <diagnostic_msgs/DiagnosticStatus.h>
 #include <ros/master.h>
 
 #include <algorithm>
@@ -8,11 +9,6 @@
 namespace intensity_hector_slam {
 
 using diagnostic_msgs::DiagnosticStatus;
-
-void ScanCounts::received() {
-  ++all_received_;
-  ++recent_.received;
-}
 
 void ScanCounts::processed(const SlamResult& result, double time) {
   ++all_processed_;
@@ -29,9 +25,9 @@ void ScanCounts::odometry(bool there, bool exists) {
 }
 
 void ScanCounts::addTo(diagnostic_updater::DiagnosticStatusWrapper& status, double seconds,
-                       std::size_t waiting, const std::string& state) const {
-  if (drops_.recent() > 0) {
-    status.summaryf(DiagnosticStatus::WARN, "%zu scans without a pose", drops_.recent());
+                       std::size_t dropped, std::size_t waiting, const std::string& state) const {
+  if (dropped > 0) {
+    status.summaryf(DiagnosticStatus::WARN, "%zu scans without a pose", dropped);
   } else if (recent_.processed == 0 && waiting > 0) {
     status.summaryf(DiagnosticStatus::WARN, "%zu scans wait for transforms", waiting);
   } else if (recent_.time > 0.9 * seconds) {
@@ -43,10 +39,7 @@ void ScanCounts::addTo(diagnostic_updater::DiagnosticStatusWrapper& status, doub
   } else {
     status.summary(DiagnosticStatus::OK, recent_.processed > 0 ? state : "No input");
   }
-  status.addf("Scans (Hz)", "%.1f", static_cast<double>(recent_.received) / seconds);
   status.add("Processed", all_processed_);
-  status.add("Waiting for transforms", waiting);
-  drops_.addTo(status, "Without a pose");
   status.add("Odometry", has_odometry_ ? "used" : "none");
   status.addf("Time, mean (ms)", "%.3f",
               recent_.processed > 0 ? 1e3 * recent_.time / recent_.processed : 0.0);
@@ -57,7 +50,6 @@ void ScanCounts::addTo(diagnostic_updater::DiagnosticStatusWrapper& status, doub
 }
 
 void ScanCounts::endReport() {
-  drops_.endReport();
   recent_ = {};
 }
 

@@ -3,6 +3,7 @@
 // Turns the intensities of scans and clouds into reflectivities, message by message. Everything happens in
 // the nodelet's single-threaded callback queue, so that nothing here needs a lock; nothing depends on time.
 #include <laser_intensity_calib/ReflectivityConfig.h>
+#include <mapping_common/arrivals.h>
 #include <mapping_common/nodelet.h>
 #include <ros/ros.h>
 #include <std_srvs/Trigger.h>
@@ -17,17 +18,22 @@
 
 namespace laser_intensity_calib {
 
+using mapping_common::Arrivals;
+
 class ReflectivityNodelet : public mapping_common::Nodelet {
+ public:
+  ~ReflectivityNodelet() override { endCallbacks(); }
+
  private:
   void start(mapping_common::Parameters& reader) override;
 
   void scanArrived(const sensor_msgs::LaserScan::ConstPtr& scan);
   void cloudArrived(const sensor_msgs::PointCloud2::ConstPtr& cloud);
   template <class Work>
-  void process(const char* kind, std::size_t& received, const Work& work);
+  void process(std::size_t& received, const Work& work);
 
   void use(const std::string& file, ModelType model);
-  bool reload(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response);
+  void reload(std_srvs::Trigger::Response& response);
   void reconfigure(const ReflectivityConfig& config);
   void report() override;
   void diagnose(StatusWrapper& status);
@@ -38,12 +44,11 @@ class ReflectivityNodelet : public mapping_common::Nodelet {
 
   ros::Subscriber scans_, clouds_;
   ros::Publisher scan_publisher_, cloud_publisher_;
-  ros::ServiceServer reload_;
 
   ReflectivityCounts counts_;
-  std::size_t dropped_ = 0;  // messages
+  std::unique_ptr<mapping_common::Drops> drops_;
   // Since the last diagnostics.
-  std::size_t received_scans_ = 0, received_clouds_ = 0, processed_ = 0, drops_ = 0, valid_before_ = 0;
+  std::size_t received_scans_ = 0, received_clouds_ = 0, processed_ = 0, valid_before_ = 0;
   double time_ = 0.0, longest_ = 0.0;  // s
 };
 
@@ -51,6 +56,8 @@ void ReflectivityNodelet::start(mapping_common::Parameters& reader) {
   ros::NodeHandle& node = getNodeHandle();
   parameters_ = readReflectivityParameters(reader);
   rejectUnknown(reader);
+  drops_ = std::make_unique<mapping_common::Drops>(
+      mapping_common::Drops::Options{getName(), "Dropped a message", "Dropped", {Arrivals::kMalformed}});
   scan_incidence_ = ScanIncidence(parameters_.scan);
   use(parameters_.calibration_file, parameters_.model);
 
@@ -65,7 +72,8 @@ void ReflectivityNodelet::start(mapping_common::Parameters& reader) {
   cloud_publisher_ = node.advertise<sensor_msgs::PointCloud2>("cloud_reflectivity", parameters_.queue_size);
   scans_ = node.subscribe("scan", parameters_.queue_size, &ReflectivityNodelet::scanArrived, this);
   clouds_ = node.subscribe("cloud", parameters_.queue_size, &ReflectivityNodelet::cloudArrived, this);
-  reload_ = getPrivateNodeHandle().advertiseService("reload", &ReflectivityNodelet::reload, this);
+  serve<std_srvs::Trigger>(getPrivateNodeHandle(), "reload",
+                           [this](auto&, auto& response) { reload(response); });
 
   startDiagnostics(calibration_.scanner.empty() ? "none" : calibration_.scanner,
                    {{"Reflectivity", [this](StatusWrapper& status) { diagnose(status); }}});
@@ -83,16 +91,13 @@ void ReflectivityNodelet::use(const std::string& file, ModelType model) {
 }
 
 template <class Work>
-void ReflectivityNodelet::process(const char* kind, std::size_t& received, const Work& work) {
+void ReflectivityNodelet::process(std::size_t& received, const Work& work) {
   ++received;
   const ros::WallTime start = ros::WallTime::now();
   try {
     work();
   } catch (const std::invalid_argument& e) {
-    ++dropped_;
-    ++drops_;
-    NODELET_WARN_STREAM_THROTTLE(5.0, "Dropped a " << kind << ": " << e.what() << ". So far: " << dropped_);
-    return;
+    return drops_->add(Arrivals::kMalformed, e.what());
   }
   const double time = (ros::WallTime::now() - start).toSec();
   ++processed_;
@@ -101,7 +106,7 @@ void ReflectivityNodelet::process(const char* kind, std::size_t& received, const
 }
 
 void ReflectivityNodelet::scanArrived(const sensor_msgs::LaserScan::ConstPtr& scan) {
-  process("scan", received_scans_, [&] {
+  process(received_scans_, [&] {
     if (scan->ranges.empty()) throw std::invalid_argument("it is empty");
     const ScanArrays arrays = readScan(*scan);
     const Eigen::ArrayXf intensities = withoutOffsets(calibration_, arrays.intensities, Eigen::ArrayXi());
@@ -116,7 +121,7 @@ void ReflectivityNodelet::scanArrived(const sensor_msgs::LaserScan::ConstPtr& sc
 }
 
 void ReflectivityNodelet::cloudArrived(const sensor_msgs::PointCloud2::ConstPtr& cloud) {
-  process("cloud", received_clouds_, [&] {
+  process(received_clouds_, [&] {
     if (cloud->width == 0 || cloud->height == 0) throw std::invalid_argument("it is empty");
     if (cloud_publisher_.getNumSubscribers() == 0) return;  // normals of clouds take their time
     const CloudArrays arrays = readCloud(*cloud);
@@ -132,7 +137,7 @@ void ReflectivityNodelet::cloudArrived(const sensor_msgs::PointCloud2::ConstPtr&
   });
 }
 
-bool ReflectivityNodelet::reload(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
+void ReflectivityNodelet::reload(std_srvs::Trigger::Response& response) {
   try {
     use(parameters_.calibration_file, parameters_.model);
     response.success = true;
@@ -141,7 +146,6 @@ bool ReflectivityNodelet::reload(std_srvs::Trigger::Request&, std_srvs::Trigger:
   } catch (const std::exception& e) {
     response.message = std::string(e.what()) + ". The calibration stays as it was";
   }
-  return true;
 }
 
 void ReflectivityNodelet::reconfigure(const ReflectivityConfig& config) {
@@ -155,7 +159,8 @@ void ReflectivityNodelet::reconfigure(const ReflectivityConfig& config) {
 
 void ReflectivityNodelet::report() {
   Nodelet::report();
-  received_scans_ = received_clouds_ = processed_ = drops_ = 0;
+  drops_->endReport();
+  received_scans_ = received_clouds_ = processed_ = 0;
   valid_before_ = counts_.valid;
   time_ = longest_ = 0.0;
 }
@@ -163,8 +168,8 @@ void ReflectivityNodelet::report() {
 void ReflectivityNodelet::diagnose(StatusWrapper& status) {
   using diagnostic_msgs::DiagnosticStatus;
   const double seconds = reportedTime();
-  if (drops_ > 0) {
-    status.summaryf(DiagnosticStatus::WARN, "%zu messages dropped", drops_);
+  if (drops_->recent() > 0) {
+    status.summaryf(DiagnosticStatus::WARN, "%zu messages dropped", drops_->recent());
   } else if (processed_ > 0 && counts_.valid == valid_before_ &&
              (received_scans_ > 0 || cloud_publisher_.getNumSubscribers() > 0)) {
     status.summary(DiagnosticStatus::WARN, "No beam has a reflectivity");
@@ -177,7 +182,7 @@ void ReflectivityNodelet::diagnose(StatusWrapper& status) {
   status.add("Reference surface", calibration_.reference);
   status.addf("Scans (Hz)", "%.1f", static_cast<double>(received_scans_) / seconds);
   status.addf("Clouds (Hz)", "%.1f", static_cast<double>(received_clouds_) / seconds);
-  status.add("Messages dropped", dropped_);
+  drops_->addTo(status);
   status.add("Beams with reflectivity", counts_.valid);
   status.add("Beams without return", counts_.no_return);
   status.add("Beams without valid intensity", counts_.bad_intensity);

@@ -3,19 +3,41 @@
 
 #include <diagnostic_updater/diagnostic_updater.h>
 #include <dynamic_reconfigure/server.h>
+#include <mapping_common/callback_guard.h>
+#include <mapping_common/files.h>
 #include <mapping_common/parameters.h>
 #include <mapping_common/reconfiguration.h>
 #include <nodelet/nodelet.h>
 
+#include <atomic>
+#include <cmath>
 #include <functional>
 #include <memory>
+#include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
 
 namespace mapping_common {
 
-/// A nodelet that starts with checked parameters or not at all, and reports every second.
+/// Does what a service for a file is asked for: success and message of the response tell how it went.
+/// @param path must be absolute, as the nodelet's folder isn't the caller's
+/// @param work returns the message, or throws
+template <class Response>
+void answer(const std::string& path, Response& response, const std::function<std::string()>& work) {
+  try {
+    if (path.empty() || path[0] != '/')
+      throw std::invalid_argument("path is '" + path + "', allowed is an absolute path");
+    response.message = work();
+    response.success = true;
+  } catch (const std::exception& e) {
+    response.message = e.what();
+  }
+}
+
+/// A nodelet that starts with checked parameters or not at all, and reports every second. An exception out of
+/// a callback of its node handles (messages, services, timers, reconfiguration) ends there: it is logged and
+/// counted, and the manager lives.
 class Nodelet : public nodelet::Nodelet {
  protected:
   using StatusWrapper = diagnostic_updater::DiagnosticStatusWrapper;
@@ -47,7 +69,21 @@ class Nodelet : public nodelet::Nodelet {
   void allowReconfiguration(const Options& options, std::function<void(const Options&)> apply,
                             const std::string& name_space = "reconfigure");
 
-  /// Begins to publish diagnostics, by name.
+  /// Advertises a service. Where `work` throws, what it says is logged, and the call fails;
+  /// std::invalid_argument is the caller's fault, and no failure of the nodelet.
+  template <class Service>
+  void serve(ros::NodeHandle& node, const std::string& name,
+             const std::function<void(typename Service::Request&, typename Service::Response&)>& work);
+  /// Advertises a private service for a file, see `answer`.
+  /// @param work gets the path, returns the message, or throws
+  template <class Service>
+  void serveFile(const std::string& name, const std::function<std::string(const std::string&)>& work);
+
+  /// Does `work` periodically. roscpp never calls a timer again whose callback threw; this goes on.
+  /// Wall time: what a bag brought is published while it is paused, too.
+  ros::WallTimer every(double seconds, const std::function<void()>& work);
+
+  /// Begins to publish diagnostics, by name, and of the nodelet itself.
   void startDiagnostics(
       const std::string& hardware_id,
       const std::vector<std::pair<std::string, std::function<void(StatusWrapper&)>>>& reports);
@@ -57,11 +93,26 @@ class Nodelet : public nodelet::Nodelet {
   /// s, that the next report is about
   double reportedTime() const;
 
-  /// Ends reconfiguration and reports: for the destructor, where they use what it destroys.
+  /// For callbacks that don't come by the node handles.
+  const std::shared_ptr<CallbackGuard>& guard() const { return guard_; }
+
+  /// Ends services, reconfiguration and reports: for the destructor, where they use what it destroys.
   void endCallbacks();
 
  private:
   void onInit() final;
+  void watchClock();
+  void diagnose(StatusWrapper& status);
+
+  std::shared_ptr<CallbackGuard> guard_;
+  std::unique_ptr<GuardedQueue> queue_;
+  std::vector<ros::ServiceServer> services_;
+
+  ros::Time clock_;  // simulated
+  ros::WallTime clock_moved_;
+  Throttle clock_throttle_{60.0};
+  std::atomic<bool> clock_stands_{false};  // reports may come from other threads
+  std::size_t reported_exceptions_ = 0;
 
   boost::recursive_mutex reconfigure_mutex_;
   std::shared_ptr<void> reconfigure_server_;  // of the nodelet's own type of configuration
@@ -79,6 +130,11 @@ void Nodelet::allowReconfiguration(const Config& config,
   server->updateConfig(config);
   server->setCallback([this, accepted = config, apply](Config& changed, std::uint32_t level) mutable {
     try {
+      dynamic_reconfigure::Config values;
+      changed.__toMessage__(values);
+      for (const auto& value : values.doubles) {  // the check of its range lets it pass
+        if (std::isnan(value.value)) throw std::invalid_argument(value.name + " is not a number");
+      }
       apply(changed, level);
       accepted = changed;
     } catch (const std::exception& e) {
@@ -102,42 +158,33 @@ void Nodelet::allowReconfiguration(const Options& options, std::function<void(co
       name_space);
 }
 
-/// Counts of messages that were dropped, by reason.
-class DropCounts {
- public:
-  /// @param reasons names, in the order of their numbers
-  explicit DropCounts(std::vector<std::string> reasons);
+template <class Service>
+void Nodelet::serve(
+    ros::NodeHandle& node, const std::string& name,
+    const std::function<void(typename Service::Request&, typename Service::Response&)>& work) {
+  using Request = typename Service::Request;
+  using Response = typename Service::Response;
+  const boost::function<bool(Request&, Response&)> callback = [=](Request& request, Response& response) {
+    bool done = false;
+    guard_->run([&] {
+      try {
+        work(request, response);
+        done = true;
+      } catch (const std::invalid_argument& e) {
+        NODELET_ERROR_STREAM(name << ": " << e.what());
+      }
+    });
+    return done;
+  };
+  services_.push_back(node.advertiseService<Request, Response>(name, callback));
+}
 
-  void add(std::size_t reason, std::size_t count = 1);
-  /// Since the last call of `endReport`.
-  std::size_t recent() const { return recent_; }
-  void endReport() { recent_ = 0; }
-
-  const std::string& name(std::size_t reason) const { return reasons_[reason]; }
-  /// e.g. "3 no transform, 0 malformed"
-  std::string text() const;
-  /// One value for each reason, named e.g. "Dropped: malformed".
-  void addTo(diagnostic_updater::DiagnosticStatusWrapper& status, const std::string& prefix) const;
-
- private:
-  std::vector<std::string> reasons_;
-  std::vector<std::size_t> counts_;
-  std::size_t recent_ = 0;
-};
-
-/// Does what a service for a file is asked for: success and message of the response tell how it went.
-/// @param path must be absolute, as the nodelet's folder isn't the caller's
-/// @param work returns the message, or throws
-template <class Response>
-void answer(const std::string& path, Response& response, const std::function<std::string()>& work) {
-  try {
-    if (path.empty() || path[0] != '/')
-      throw std::invalid_argument("path is '" + path + "', allowed is an absolute path");
-    response.message = work();
-    response.success = true;
-  } catch (const std::exception& e) {
-    response.message = e.what();
-  }
+template <class Service>
+void Nodelet::serveFile(const std::string& name, const std::function<std::string(const std::string&)>& work) {
+  serve<Service>(getPrivateNodeHandle(), name,
+                 [work](typename Service::Request& request, typename Service::Response& response) {
+                   answer(request.path, response, [&] { return work(request.path); });
+                 });
 }
 
 }  // namespace mapping_common

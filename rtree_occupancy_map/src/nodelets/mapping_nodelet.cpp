@@ -1,17 +1,15 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
-// Builds an occupancy map from point clouds and laser scans. Everything but the reception of transforms
-// happens in the nodelet's single-threaded callback queue, so that nothing here needs a lock.
+// Builds an occupancy map from point clouds and laser scans. Everything happens in the nodelet's
+// single-threaded callback queue, so that nothing here needs a lock.
+#include <mapping_common/arrivals.h>
 #include <mapping_common/nodelet.h>
-#include <mapping_common/transform_queue.h>
 #include <mapping_msgs/LoadMap.h>
 #include <mapping_msgs/SaveMap.h>
 #include <rtree_occupancy_map/BoundingBoxQuery.h>
 #include <rtree_occupancy_map/CastRay.h>
 #include <rtree_occupancy_map/CellsInBox.h>
 #include <std_srvs/Empty.h>
-#include <tf2_eigen/tf2_eigen.h>
-#include <tf2_ros/transform_listener.h>
 
 #include <algorithm>
 #include <cmath>
@@ -31,20 +29,11 @@
 namespace rtree_occupancy_map {
 namespace {
 
-// Why a message was dropped: the order of the names given to drops_.
-enum Reason { kNoTransform, kMalformed, kEmpty, kTimeJump };
+// Why a message is dropped, beside what mapping_common::Arrivals does.
+constexpr const char* kEmpty = "empty";
 
-// Stamps of one topic may be out of order by this much before time is said to have jumped back.
-const ros::Duration kOutOfOrder(1.0);
-
-// One input topic.
-template <class Message>
-struct Input {
-  ros::Subscriber subscriber;
-  std::unique_ptr<mapping_common::TransformQueue<Message>> queue;
-  ros::Time last_stamp;
-  std::size_t received = 0;  // since the last diagnostics
-};
+// Clouds, which may be large, that wait for transforms where stamps don't go on.
+constexpr std::size_t kMostWaiting = 100;
 
 // What happened since the last diagnostics.
 struct Activity {
@@ -60,6 +49,14 @@ bool isEmpty(const sensor_msgs::LaserScan& scan) {
   return scan.ranges.empty();
 }
 
+void requireBox(const geometry_msgs::Point& min, const geometry_msgs::Point& max) {
+  if ((toEigen(min).array() <= toEigen(max).array()).all()) return;
+  std::ostringstream text;
+  text << "min is " << toEigen(min).transpose() << ", max is " << toEigen(max).transpose()
+       << ", allowed is min <= max along each axis";
+  throw std::invalid_argument(text.str());
+}
+
 }  // namespace
 
 class MappingNodelet : public mapping_common::Nodelet {
@@ -68,27 +65,17 @@ class MappingNodelet : public mapping_common::Nodelet {
 
  private:
   void start(mapping_common::Parameters& reader) override;
+  void listen();
+  void offerServices();
   template <class Message>
-  void listen(Input<Message>& input, const std::string& topic);
+  void insert(const Message& message, const mapping_common::Arrivals::Transforms& transforms);
+  void warnOfFrame(const std::string& cloud_frame);
 
-  template <class Message>
-  void arrived(Input<Message>& input, const boost::shared_ptr<const Message>& message);
-  template <class Message>
-  void insert(const Message& message);
-  void timeJumpedBack(const ros::Duration& by);
-  void drop(Reason reason, const std::string& why, std::size_t count = 1);
-
-  bool saveMap(mapping_msgs::SaveMap::Request& request, mapping_msgs::SaveMap::Response& response);
-  bool loadMap(mapping_msgs::LoadMap::Request& request, mapping_msgs::LoadMap::Response& response);
-  bool reset(std_srvs::Empty::Request&, std_srvs::Empty::Response&);
-  bool clearBox(BoundingBoxQuery::Request& request, BoundingBoxQuery::Response&);
-  bool cellsInBox(CellsInBox::Request& request, CellsInBox::Response& response);
-  bool castRay(CastRay::Request& request, CastRay::Response& response);
-  bool isBox(const geometry_msgs::Point& min, const geometry_msgs::Point& max) const;
-
+  void castRay(const CastRay::Request& request, CastRay::Response& response) const;
   std::string load(const std::string& path);
   void reconfigure(const MappingParameters& changed);
   void publish();
+  void warnOfFarReturns();
   void report() override;
   void diagnoseInput(StatusWrapper& status);
   void diagnoseMap(StatusWrapper& status);
@@ -98,21 +85,19 @@ class MappingNodelet : public mapping_common::Nodelet {
   MappingParameters parameters_;
   std::string save_on_shutdown_;  // empty until the nodelet has started
 
-  tf2_ros::Buffer tf_buffer_;
-  Input<sensor_msgs::PointCloud2> clouds_;
-  Input<sensor_msgs::LaserScan> scans_;
-  std::unique_ptr<tf2_ros::TransformListener> tf_listener_;  // gone before the filters that it feeds
+  std::unique_ptr<mapping_common::Arrivals> arrivals_;
+  ros::Subscriber clouds_, scans_;
 
-  std::vector<ros::ServiceServer> services_;
   ros::WallTimer publish_timer_;
 
+  mapping_common::Throttle frame_throttle_{60.0}, far_throttle_{60.0};
   Activity activity_;
-  mapping_common::DropCounts drops_{{"no transform", "malformed", "empty", "time jump"}};
   InsertReport points_;  // sums over all scans
   std::size_t inserted_ = 0, points_outside_z_ = 0, points_below_minimum_ = 0;
 };
 
 MappingNodelet::~MappingNodelet() {
+  endCallbacks();
   if (save_on_shutdown_.empty() || map_.tree().size() == 0) return;
   try {
     map_.save(save_on_shutdown_);
@@ -124,27 +109,16 @@ MappingNodelet::~MappingNodelet() {
 
 void MappingNodelet::start(mapping_common::Parameters& reader) {
   ros::NodeHandle& node = getNodeHandle();
-  ros::NodeHandle& private_node = getPrivateNodeHandle();
   reader.read(parameters_);
+  mapping_common::requireOwnEnding(parameters_.save_on_shutdown);
   map_ = OccupancyMap(parameters_.map);
   if (!parameters_.map_file.empty()) NODELET_INFO_STREAM(load(parameters_.map_file));
   publisher_ = std::make_unique<MapPublisher>(node, parameters_.display, map_);
-  // Wall time: what a bag brought is shown and reported while it is paused, too.
-  publish_timer_ = node.createWallTimer(ros::WallDuration(1.0 / parameters_.publish_rate),
-                                        [this](const ros::WallTimerEvent&) { publish(); });
+  publish_timer_ = every(1.0 / parameters_.publish_rate, [this] { publish(); });
   allowReconfiguration<MappingParameters>(parameters_,
                                           [this](const MappingParameters& changed) { reconfigure(changed); });
-
-  tf_listener_ = std::make_unique<tf2_ros::TransformListener>(tf_buffer_, node, false);
-  listen(clouds_, "cloud_in");
-  listen(scans_, "scan");
-  services_ = {private_node.advertiseService("save_map", &MappingNodelet::saveMap, this),
-               private_node.advertiseService("load_map", &MappingNodelet::loadMap, this),
-               private_node.advertiseService("reset", &MappingNodelet::reset, this),
-               private_node.advertiseService("clear_bbx", &MappingNodelet::clearBox, this),
-               private_node.advertiseService("cells_in_box", &MappingNodelet::cellsInBox, this),
-               private_node.advertiseService("cast_ray", &MappingNodelet::castRay, this)};
-
+  listen();
+  offerServices();
   startDiagnostics("none", {{"Input", [this](StatusWrapper& status) { diagnoseInput(status); }},
                             {"Map", [this](StatusWrapper& status) { diagnoseMap(status); }}});
   save_on_shutdown_ = parameters_.save_on_shutdown;
@@ -153,99 +127,107 @@ void MappingNodelet::start(mapping_common::Parameters& reader) {
 // --------------------------------------------------------------------------------------------------------
 // input
 
-template <class Message>
-void MappingNodelet::listen(Input<Message>& input, const std::string& topic) {
-  input.queue = std::make_unique<mapping_common::TransformQueue<Message>>(
-      tf_buffer_, std::vector<std::string>{parameters_.display.frame_id}, parameters_.queue_size,
-      parameters_.transform_tolerance, getNodeHandle(), [this](const Message& message) { insert(message); },
-      [this](const Message& message, const std::string& why) {
-        drop(message.header.frame_id.empty() ? kMalformed : kNoTransform, why);
+void MappingNodelet::listen() {
+  const std::string& frame_id = parameters_.display.frame_id;
+  using mapping_common::Arrivals;
+  Arrivals::Options options;
+  options.drops.name = getName();
+  options.drops.reasons = {kEmpty};
+  options.transforms.target_frame = frame_id;
+  if (!parameters_.sensor_frame_id.empty()) {
+    options.transforms.other_target = frame_id;
+    options.transforms.other_source = parameters_.sensor_frame_id;
+    options.transforms.needs_other = true;
+  }
+  options.transforms.timeout = parameters_.transform_timeout;
+  options.transforms.tolerance = parameters_.transform_tolerance;
+  options.transforms.most = kMostWaiting;
+  arrivals_ = std::make_unique<Arrivals>(getNodeHandle(), guard(), options, [](const ros::Time&) {});
+  clouds_ = arrivals_->subscribe<sensor_msgs::PointCloud2>(
+      "cloud_in", parameters_.queue_size, "Clouds",
+      [this](const sensor_msgs::PointCloud2& cloud, const Arrivals::Transforms& transforms) {
+        if (parameters_.sensor_frame_id.empty()) warnOfFrame(cloud.header.frame_id);
+        insert(cloud, transforms);
       });
-  using Pointer = boost::shared_ptr<const Message>;
-  input.subscriber = getNodeHandle().subscribe<Message>(
-      topic, parameters_.queue_size, [this, &input](const Pointer& message) { arrived(input, message); });
+  scans_ = arrivals_->subscribe<sensor_msgs::LaserScan>(
+      "scan", parameters_.queue_size, "Scans",
+      [this](const sensor_msgs::LaserScan& scan, const Arrivals::Transforms& transforms) {
+        insert(scan, transforms);
+      },
+      false);  // beams start in the scan's own frame
+}
+
+// As LOAM and others publish them once they are registered.
+void MappingNodelet::warnOfFrame(const std::string& cloud_frame) {
+  const std::string& frame_id = parameters_.display.frame_id;
+  if (mapping_common::withoutSlash(cloud_frame) != mapping_common::withoutSlash(frame_id)) return;
+  if (!frame_throttle_()) return;
+  NODELET_WARN_STREAM("Clouds come in the map's own frame, "
+                      << frame_id
+                      << ": their beams are taken to start at its origin. If the sensor isn't there, set "
+                         "~sensor_frame_id to the frame that it is at the origin of");
 }
 
 template <class Message>
-void MappingNodelet::arrived(Input<Message>& input, const boost::shared_ptr<const Message>& message) {
-  ++input.received;
-  const ros::Time stamp = message->header.stamp;
-  if (!stamp.isZero()) {  // zero: whatever transform is the latest
-    if (stamp + kOutOfOrder < input.last_stamp) timeJumpedBack(input.last_stamp - stamp);
-    input.last_stamp = stamp;
+void MappingNodelet::insert(const Message& message, const mapping_common::Arrivals::Transforms& transforms) {
+  if (isEmpty(message)) return arrivals_->drops().add(kEmpty, "nothing was measured in it");
+  ConvertedScan converted = toScan(message, transforms.message, parameters_.scan);
+  if (transforms.other) converted.scan.origin = transforms.other->translation().cast<float>();
+  const ros::WallTime start = ros::WallTime::now();
+  const InsertReport report = map_.insertScan(converted.scan);
+  const double time = (ros::WallTime::now() - start).toSec();
+  publisher_->changed(report.changed_blocks, message.header.stamp);
+
+  ++inserted_;
+  ++activity_.insertions;
+  activity_.insertion_time += time;
+  activity_.longest_insertion = std::max(activity_.longest_insertion, time);
+  if (converted.at_infinity > 0) {
+    NODELET_WARN_STREAM_ONCE(
+        "Clouds have points at infinity: they clear nothing, as they don't tell where their beams went. "
+        "Those of "
+        "laser scans do (no_return_clears)");
   }
-  if (isEmpty(*message)) {
-    drop(kEmpty, "nothing was measured in it");
-    return;
-  }
-  input.queue->add(message);
-}
-
-// Transforms and waiting messages are of another time now; the map stays.
-void MappingNodelet::timeJumpedBack(const ros::Duration& by) {
-  NODELET_WARN_STREAM("Time jumped back by " << by << " s: transforms are forgotten, the map goes on");
-  // With simulated time the listener has done so already, and may have heard of new ones since.
-  if (!ros::Time::isSimTime()) tf_buffer_.clear();
-  const std::size_t waiting = clouds_.queue->clear() + scans_.queue->clear();
-  clouds_.last_stamp = scans_.last_stamp = ros::Time();
-  if (waiting > 0) drop(kTimeJump, "it waited for a transform", waiting);
-}
-
-template <class Message>
-void MappingNodelet::insert(const Message& message) {
-  const std_msgs::Header& header = message.header;
-  try {
-    const auto transform =
-        tf_buffer_.lookupTransform(parameters_.display.frame_id, header.frame_id, header.stamp);
-    const ConvertedScan converted = toScan(message, tf2::transformToEigen(transform), parameters_.scan);
-    const ros::WallTime start = ros::WallTime::now();
-    const InsertReport report = map_.insertScan(converted.scan);
-    const double time = (ros::WallTime::now() - start).toSec();
-    publisher_->changed(report.changed_blocks, header.stamp);
-
-    ++inserted_;
-    ++activity_.insertions;
-    activity_.insertion_time += time;
-    activity_.longest_insertion = std::max(activity_.longest_insertion, time);
-    points_.hits += report.hits;
-    points_.non_finite += report.non_finite;
-    points_.too_near += report.too_near + converted.below_minimum;
-    points_.beyond_range += report.beyond_range;
-    points_.outside += report.outside;
-    points_outside_z_ += converted.outside_z;
-  } catch (const tf2::TransformException& e) {
-    drop(kNoTransform, e.what());
-  } catch (const std::invalid_argument& e) {
-    drop(kMalformed, e.what());
-  }
-}
-
-void MappingNodelet::drop(Reason reason, const std::string& why, std::size_t count) {
-  drops_.add(reason, count);
-  NODELET_WARN_STREAM_THROTTLE(
-      5.0, "Dropped a message (" << drops_.name(reason) << "): " << why << ". So far: " << drops_.text());
+  points_.hits += report.hits;
+  points_.non_finite += report.non_finite;
+  points_.too_near += report.too_near + converted.below_minimum;
+  points_.beyond_range += report.beyond_range;
+  points_.outside += report.outside;
+  points_outside_z_ += converted.outside_z;
 }
 
 // -----------------------------------------------------------------------------------------------------
 // services
 
-bool MappingNodelet::saveMap(mapping_msgs::SaveMap::Request& request,
-                             mapping_msgs::SaveMap::Response& response) {
-  mapping_common::answer(request.path, response, [&] {
-    map_.save(request.path);
-    return "Wrote " + std::to_string(map_.tree().size()) + " cells to " + request.path;
+void MappingNodelet::offerServices() {
+  serveFile<mapping_msgs::SaveMap>("save_map", [this](const std::string& path) {
+    mapping_common::requireOwnEnding(path);
+    map_.save(path);
+    return "Wrote " + std::to_string(map_.tree().size()) + " cells to " + path;
   });
-  return true;
-}
-
-bool MappingNodelet::loadMap(mapping_msgs::LoadMap::Request& request,
-                             mapping_msgs::LoadMap::Response& response) {
-  mapping_common::answer(request.path, response, [&] {
-    const std::string text = load(request.path);
+  serveFile<mapping_msgs::LoadMap>("load_map", [this](const std::string& path) {
+    const std::string text = load(path);
     publisher_->restart();
     return text;
   });
-  return true;
+  ros::NodeHandle& node = getPrivateNodeHandle();
+  serve<std_srvs::Empty>(node, "reset", [this](auto&, auto&) {
+    map_.clear();
+    publisher_->restart();
+  });
+  serve<BoundingBoxQuery>(node, "clear_bbx", [this](const auto& request, auto&) {
+    requireBox(request.min, request.max);
+    publisher_->changed(map_.clearBox(toEigen(request.min), toEigen(request.max)), ros::Time::now());
+  });
+  serve<CellsInBox>(node, "cells_in_box", [this](const auto& request, auto& response) {
+    requireBox(request.min, request.max);
+    map_.visitBox(toEigen(request.min), toEigen(request.max), [&](const Cell& cell) {
+      if (!request.occupied_only || map_.isOccupied(cell)) response.cells.push_back(toMessage(map_, cell));
+      return true;
+    });
+  });
+  serve<CastRay>(node, "cast_ray",
+                 [this](const auto& request, auto& response) { castRay(request, response); });
 }
 
 // A map comes with all that it was built with, but for the limits of the range.
@@ -259,57 +241,22 @@ std::string MappingNodelet::load(const std::string& path) {
   return text.str();
 }
 
-bool MappingNodelet::reset(std_srvs::Empty::Request&, std_srvs::Empty::Response&) {
-  map_.clear();
-  publisher_->restart();
-  return true;
-}
-
-bool MappingNodelet::clearBox(BoundingBoxQuery::Request& request, BoundingBoxQuery::Response&) {
-  if (!isBox(request.min, request.max)) return false;
-  publisher_->changed(map_.clearBox(toEigen(request.min), toEigen(request.max)), ros::Time::now());
-  return true;
-}
-
-bool MappingNodelet::cellsInBox(CellsInBox::Request& request, CellsInBox::Response& response) {
-  if (!isBox(request.min, request.max)) return false;
-  map_.visitBox(toEigen(request.min), toEigen(request.max), [&](const Cell& cell) {
-    if (!request.occupied_only || map_.isOccupied(cell)) response.cells.push_back(toMessage(map_, cell));
-    return true;
-  });
-  return true;
-}
-
-bool MappingNodelet::castRay(CastRay::Request& request, CastRay::Response& response) {
-  try {
-    const RayHit hit = map_.castRay(toEigen(request.origin), toEigen(request.direction), request.max_range,
-                                    request.ignore_unknown);
-    response.point = toPoint(hit.point);
-    switch (hit.result) {
-      case RayHit::Result::kOccupied:
-        response.result = CastRay::Response::OCCUPIED;
-        response.cell = toMessage(map_, hit.cell);
-        break;
-      case RayHit::Result::kUnknown:
-        response.result = CastRay::Response::UNKNOWN;
-        break;
-      case RayHit::Result::kNothing:
-        response.result = CastRay::Response::NOTHING;
-        break;
-    }
-    return true;
-  } catch (const std::invalid_argument& e) {
-    NODELET_ERROR_STREAM("cast_ray: " << e.what());
-    return false;
+void MappingNodelet::castRay(const CastRay::Request& request, CastRay::Response& response) const {
+  const RayHit hit = map_.castRay(toEigen(request.origin), toEigen(request.direction), request.max_range,
+                                  request.ignore_unknown);
+  response.point = toPoint(hit.point);
+  switch (hit.result) {
+    case RayHit::Result::kOccupied:
+      response.result = CastRay::Response::OCCUPIED;
+      response.cell = toMessage(map_, hit.cell);
+      break;
+    case RayHit::Result::kUnknown:
+      response.result = CastRay::Response::UNKNOWN;
+      break;
+    case RayHit::Result::kNothing:
+      response.result = CastRay::Response::NOTHING;
+      break;
   }
-}
-
-bool MappingNodelet::isBox(const geometry_msgs::Point& min, const geometry_msgs::Point& max) const {
-  if ((toEigen(min).array() <= toEigen(max).array()).all()) return true;
-  NODELET_ERROR_STREAM("No box: min is " << toEigen(min).transpose() << ", max is "
-                                         << toEigen(max).transpose()
-                                         << ", allowed is min <= max along each axis");
-  return false;
 }
 
 // --------------------------------------------------------------------------------------------- while it runs
@@ -324,34 +271,41 @@ void MappingNodelet::reconfigure(const MappingParameters& changed) {
 void MappingNodelet::publish() {
   const ros::WallTime start = ros::WallTime::now();
   publisher_->publish();
+  warnOfFarReturns();
   ++activity_.publications;
   activity_.publication_time += (ros::WallTime::now() - start).toSec();
 }
 
+void MappingNodelet::warnOfFarReturns() {
+  const ProjectedMap& projection = publisher_->projectedMap();
+  if (!projection.leavesOut() || !far_throttle_()) return;
+  const auto& info = projection.grid().info;
+  NODELET_WARN_STREAM("projected_map shows "
+                      << info.width * info.resolution << " m x " << info.height * info.resolution << " m of "
+                      << projection.wholeSize().x() << " m x " << projection.wholeSize().y()
+                      << " m, as its edges have ~occupancy_max_size pixels at most. If "
+                         "far returns are false, set sensor_model/max_range");
+}
+
 void MappingNodelet::report() {
   Nodelet::report();
-  drops_.endReport();
-  clouds_.received = scans_.received = 0;
+  arrivals_->endReport();
   activity_ = {};
 }
 
 void MappingNodelet::diagnoseInput(StatusWrapper& status) {
   using diagnostic_msgs::DiagnosticStatus;
-  const double seconds = reportedTime();
-  const std::size_t waiting = clouds_.queue->waiting() + scans_.queue->waiting();
-  if (drops_.recent() > 0) {
-    status.summaryf(DiagnosticStatus::WARN, "%zu messages dropped", drops_.recent());
+  const std::size_t waiting = arrivals_->queue().waiting(), dropped = arrivals_->drops().recent();
+  if (dropped > 0) {
+    status.summaryf(DiagnosticStatus::WARN, "%zu messages dropped", dropped);
   } else if (activity_.insertions == 0 && waiting > 0) {
     status.summaryf(DiagnosticStatus::WARN, "%zu messages wait for a transform to %s", waiting,
                     parameters_.display.frame_id.c_str());
   } else {
     status.summary(DiagnosticStatus::OK, activity_.insertions > 0 ? "Mapping" : "No input");
   }
-  status.addf("Clouds (Hz)", "%.1f", static_cast<double>(clouds_.received) / seconds);
-  status.addf("Scans (Hz)", "%.1f", static_cast<double>(scans_.received) / seconds);
+  arrivals_->addTo(status, reportedTime());
   status.add("Inserted", inserted_);
-  status.add("Waiting for a transform", waiting);
-  drops_.addTo(status, "Dropped");
   status.add("Points mapped", points_.hits);
   status.add("Points left out: not finite", points_.non_finite);
   status.add("Points left out: too near", points_.too_near);

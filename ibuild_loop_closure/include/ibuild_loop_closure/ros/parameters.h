@@ -18,6 +18,7 @@ struct LoopClosureParameters {
   std::string fixed_frame = "odom";
   std::string vocabulary_file, save_on_shutdown;
   bool use_depth = false, use_stereo = false, debug_image = true;
+  double transform_timeout = 0.5;  ///< s
   int queue_size = 5;
 };
 

@@ -16,6 +16,8 @@ struct MappingParameters {
   DisplayOptions display;
   std::string map_file, save_on_shutdown;
   int queue_size = 10;
+  std::string sensor_frame_id;
+  double transform_timeout = 0.5;
   double transform_tolerance = 0.0;
   double publish_rate = 2.0;
 
@@ -29,8 +31,15 @@ struct MappingParameters {
       "path that the map is written to at the end, unless it is empty. Empty: don't");
     map.describe(o);
     o.section("the input");
-    o("queue_size", queue_size, "", "messages of each topic that wait for a transform; the oldest is dropped")
+    o("queue_size", queue_size, "", "messages of each topic that wait for the map; the oldest is dropped")
         .within(1, 10000);
+    o("sensor_frame_id", sensor_frame_id, "",
+      "of clouds: the frame whose origin their beams start at, for clouds in another frame, such as those "
+      "that "
+      "LOAM has registered in the map's. Empty: the cloud's own frame");
+    o("transform_timeout", transform_timeout, "s",
+      "a message waits for transforms until later ones of its sensor have stamps later by this")
+        .within(0.0, 10.0);
     o("transform_tolerance", transform_tolerance, "s",
       "a message waits until transforms this much later than its stamp are known")
         .within(0.0, 10.0);
