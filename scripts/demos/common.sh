@@ -41,7 +41,7 @@ screen() {
 still_picture() {
   local end=$((SECONDS + 90))
   picture "$1"
-  until sleep 6; mv "$1" "$1.before"; picture "$1"
+  until sleep 10; mv "$1" "$1.before"; picture "$1"
         [ $SECONDS -gt $end ] || compare -metric AE -crop 1200x750+0+0 "$1.before" "$1" null: 2>/dev/null; do :; done
   rm "$1.before"
 }
