@@ -6,17 +6,15 @@
 
 namespace intensity_hector_slam {
 
-MultiMap::MultiMap(const MapOptions& options) : options_(options) {
-  options_.validate();
+MultiMap::MultiMap(const MapOptions& options) : options_(mapping_common::validate(options)) {
   // All levels have the same borders: sizes are whole cells of the coarsest.
   const double coarsest = options_.resolution * (1 << (options_.levels - 1));
-  const int width = std::max(2, static_cast<int>(std::lround(options_.size_x / coarsest)));
-  const int height = std::max(2, static_cast<int>(std::lround(options_.size_y / coarsest)));
-  const Eigen::Vector2d min(-coarsest * std::round(options_.start_x * width),
-                            -coarsest * std::round(options_.start_y * height));
+  const int size = std::max(2, options_.size >> (options_.levels - 1));
+  const Eigen::Vector2d min(-coarsest * std::round(options_.start_x * size),
+                            -coarsest * std::round(options_.start_y * size));
   for (int i = 0; i < options_.levels; ++i) {
     const int scale = 1 << (options_.levels - 1 - i);
-    levels_.emplace_back(coarsest / scale, min, width * scale, height * scale);
+    levels_.emplace_back(coarsest / scale, min, size * scale, size * scale);
   }
 }
 

@@ -107,9 +107,7 @@ class ScanMatcher::Solver {
   int observable_ = 0;
 };
 
-ScanMatcher::ScanMatcher(const MatcherOptions& options) : options_(options) {
-  options_.validate();
-}
+ScanMatcher::ScanMatcher(const MatcherOptions& options) : options_(mapping_common::validate(options)) {}
 
 ScanMatcher::Linearization ScanMatcher::linearize(const GridMap& map, const Scan& scan, const Pose& pose,
                                                   Cost cost) {

@@ -26,12 +26,11 @@ std::string toString(Status status) {
   return "";
 }
 
-Slam::Slam(const SlamOptions& options) : options_(options), map_(options.map), matcher_(options.matcher) {
-  options_.validate();
-}
+Slam::Slam(const SlamOptions& options)
+    : options_(mapping_common::validate(options)), map_(options.map), matcher_(options.matcher) {}
 
 void Slam::setOptions(const SlamOptions& options) {
-  options.validate();
+  mapping_common::validate(options);
   matcher_ = ScanMatcher(options.matcher);
   const MapOptions map = options_.map;
   options_ = options;

@@ -234,7 +234,7 @@ TEST(MultiMap, LevelsHaveTheSameBorders) {
 
 TEST(MultiMap, GrowsWithWhatIsSeen) {
   MapOptions options;
-  options.size_x = options.size_y = 3.2;
+  options.size = 128;
   MultiMap map(options);
   const Scan scan = look(furnishedRoom(), Pose::Zero(), {});
   map.update(scan, Pose::Zero());
@@ -246,7 +246,7 @@ TEST(MultiMap, GrowsWithWhatIsSeen) {
     }
   }
   // The same as in a map that was large enough before.
-  options.size_x = options.size_y = 25.6;
+  options.size = 1024;
   MultiMap large(options);
   large.update(scan, Pose::Zero());
   for (const Eigen::Vector2d& p :
@@ -257,7 +257,7 @@ TEST(MultiMap, GrowsWithWhatIsSeen) {
 
 TEST(MultiMap, DoesNotGrowBeyondItsLimit) {
   MapOptions options;
-  options.size_x = options.size_y = 3.2;
+  options.size = 128;
   options.max_size = 6.4;
   MultiMap map(options);
   Scan scan = beamTo({500.0f, 0.0f});

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <gtest/gtest.h>
+#include <mapping_common/archive.h>
 #include <mapping_common/files.h>
 #include <mapping_common/testing/temp_dir.h>
-
-#include <boost/crc.hpp>
 
 #include "flat_world.h"
 #include "intensity_hector_slam/multi_map.h"
@@ -29,10 +28,10 @@ class MapFile : public ::testing::Test {
     EXPECT_TRUE(mentions(errorOf([&] { MultiMap::load(path); }), {"bad.map", why}));
   }
   static std::string withChecksum(std::string bytes) {
-    boost::crc_32_type crc;
-    crc.process_bytes(bytes.data(), bytes.size() - 4);
-    const std::uint32_t sum = crc.checksum();
-    std::memcpy(&bytes[bytes.size() - 4], &sum, 4);
+    mapping_common::Checksum checksum;
+    checksum.add(bytes.data(), bytes.size() - 8);
+    const std::uint64_t sum = checksum.value();
+    std::memcpy(&bytes[bytes.size() - 8], &sum, 8);
     return bytes;
   }
 
@@ -56,6 +55,22 @@ TEST_F(MapFile, HoldsAllOfAMap) {
   EXPECT_EQ(0.05, loaded.options().resolution);
   loaded.save(dir_.path("again.map"));
   EXPECT_EQ(bytes_, mapping_common::readFile(dir_.path("again.map")));
+}
+
+// The bytes of version 1 were written by the program that wrote that version.
+TEST_F(MapFile, OlderVersionsAreRead) {
+  const MultiMap map = MultiMap::load(PACKAGE_DIR "/test/files/version1.map");
+  ASSERT_EQ(2, map.levels());
+  EXPECT_EQ(0.5, map.options().resolution);
+  EXPECT_EQ(32, map.level(0).width());
+  EXPECT_EQ(16, map.level(1).height());
+  EXPECT_FLOAT_EQ(0.7f, map.level(0).cell(19, 17).occupancy);
+  EXPECT_EQ(0.75f, map.level(0).cell(19, 17).reflectivity);
+  EXPECT_EQ(1, map.level(0).count(19, 17));
+  EXPECT_EQ(0.625f, map.level(1).cell(9, 8).reflectivity);
+  EXPECT_EQ(2, map.level(1).count(9, 8));
+  map.save(path_);
+  EXPECT_EQ(0.625f, MultiMap::load(path_).level(1).cell(9, 8).reflectivity);
 }
 
 TEST_F(MapFile, AnEmptyMapIsOne) {
@@ -88,7 +103,7 @@ TEST_F(MapFile, NonsenseWithAValidChecksumIsRefused) {
   expectRefused(patched(8, std::uint32_t(7)), "format version 7");
   expectRefused(patched(12, std::uint32_t(0)), "levels");
   expectRefused(patched(12, std::uint32_t(1u << 31)), "levels");
-  expectRefused(patched(12, std::uint32_t(2)), "more in it");
+  expectRefused(patched(12, std::uint32_t(2)), "more than it says");
   expectRefused(patched(16, -1.0), "impossible bounds");
   expectRefused(patched(40, std::int32_t(1 << 30)), "larger than max_size");
   expectRefused(patched(56, std::int32_t(1 << 30)), "impossible bounds");

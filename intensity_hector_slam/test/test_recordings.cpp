@@ -60,7 +60,7 @@ TEST(Recordings, StreetIsFollowedWithEachCost) {
   for (const Cost cost : {Cost::kOccupancy, Cost::kReflectivity, Cost::kCombined, Cost::kAuto}) {
     SlamParameters parameters;
     parameters.slam.map.resolution = 0.2;
-    parameters.slam.map.size_x = parameters.slam.map.size_y = 102.4;
+    parameters.slam.map.size = 512;
     parameters.slam.matcher.cost = cost;
     parameters.scan.max_range = 80.0;
     const BagResult result = run(bag, parameters);

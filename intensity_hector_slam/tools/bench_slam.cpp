@@ -96,11 +96,12 @@ bool parse(int argc, char** argv, Arguments& a) {
 }
 
 void run(const Arguments& a) {
-  XmlRpc::XmlRpcValue yaml;
-  if (!a.config.empty()) yaml = loadYaml(a.config);
+  mapping_common::OptionValues yaml;
+  if (!a.config.empty()) yaml = mapping_common::loadYaml(a.config);
   if (!a.cost.empty()) yaml["cost"] = a.cost;
-  mapping_common::Parameters reader(yaml);
-  const SlamParameters parameters = readSlamParameters(reader);
+  SlamParameters parameters;
+  mapping_common::assign(parameters, yaml);
+  parameters.resolve();
   Times times;
   if (a.bag.bag.empty()) {
     times = runGenerated(parameters.slam, a.scans);

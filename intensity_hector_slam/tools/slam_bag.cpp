@@ -56,14 +56,14 @@ bool parse(int argc, char** argv, Arguments& a) {
 }
 
 SlamParameters readParameters(const Arguments& a) {
-  XmlRpc::XmlRpcValue values;
-  if (!a.config.empty()) values = loadYaml(a.config);
+  mapping_common::OptionValues values;
+  if (!a.config.empty()) values = mapping_common::loadYaml(a.config);
   if (!a.cost.empty()) values["cost"] = a.cost;
   if (!a.base.empty()) values["base_frame"] = a.base;
   if (a.reflectivity_scale != 0.0) values["reflectivity_scale"] = a.reflectivity_scale;
-  mapping_common::Parameters reader(values);
-  const SlamParameters parameters = readSlamParameters(reader);
-  reader.rejectUnknown({"reconfigure/"});
+  SlamParameters parameters;
+  mapping_common::assign(parameters, values, {"reconfigure/"}, "~");
+  parameters.resolve();
   return parameters;
 }
 

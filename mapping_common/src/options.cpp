@@ -21,6 +21,8 @@ std::string join(const Names& names, const std::string& separator) {
 // The fewest digits that are read as the same number, e.g. "0.1", "1e-05".
 std::string digits(double value) {
   char text[32];
+  if (std::trunc(value) == value && std::abs(value) < 1e15)
+    return std::to_string(static_cast<long long>(value));
   for (int precision = 6; precision <= 17; ++precision) {
     std::snprintf(text, sizeof(text), "%.*g", precision, value);
     if (std::strtod(text, nullptr) == value) break;
@@ -63,7 +65,7 @@ std::string Option::allowed() const {
   if (type_ == Type::kString) {
     std::vector<std::string> names;
     for (const auto& [name, text] : choices_) names.push_back(name.empty() ? "''" : name);
-    return names.empty() && not_empty_ ? "a name" : join(names, " | ");
+    return join(names, " | ");
   }
   const std::string unit = unit_.empty() ? "" : ' ' + unit_;
   std::string text;
@@ -106,8 +108,14 @@ std::string Option::word() const {
   return text != nullptr ? *text : toText(value);
 }
 
-OptionValue Option::get() const {
+OptionValue Option::scaled() const {
   const OptionValue value = get_();
+  if (scale_ == 1.0) return value;
+  return std::round(1e9 * scale_ * std::get<double>(value)) / 1e9;  // 85, not 85.00000000000001
+}
+
+OptionValue Option::get() const {
+  const OptionValue value = scaled();
   return unlimited_ && value == OptionValue(std::numeric_limits<double>::infinity()) ? OptionValue(-1.0)
                                                                                      : value;
 }
@@ -123,7 +131,7 @@ void Option::set(const OptionValue& value) {
   const auto isValue = [&](const auto& choice) { return choice.first == std::get<std::string>(value); };
   if (!choices_.empty() && std::none_of(choices_.begin(), choices_.end(), isValue))
     reject(toText(value), "allowed is " + allowed());
-  set_(value);
+  scale_ == 1.0 ? set_(value) : set_(std::get<double>(value) / scale_);
 }
 
 void Option::parse(const std::string& word) {
@@ -138,7 +146,7 @@ void Option::parse(const std::string& word) {
 }
 
 void Option::check() const {
-  const OptionValue value = get_();
+  const OptionValue value = scaled();
   double number = 0.0;
   if (const auto* whole = std::get_if<int>(&value)) number = *whole;
   if (const auto* real = std::get_if<double>(&value)) number = *real;
@@ -150,8 +158,8 @@ void Option::check() const {
     holds = std::any_of(choices_.begin(), choices_.end(), [&](const auto& c) { return c.first == *text; });
   }
   if (holds) return;
-  const std::string range = allowed();
-  reject(toText(get()), "allowed is " + (range.empty() ? "a number" : range));
+  const std::string range = allowed(), any = text != nullptr ? "a name" : "a number";
+  reject(toText(get()), "allowed is " + (range.empty() ? any : range));
 }
 
 void Option::reject(const std::string& value, const std::string& expected) const {

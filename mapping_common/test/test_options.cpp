@@ -31,7 +31,7 @@ struct RobotOptions {
   Gear gear = Gear::kForward;
   std::optional<Gear> last_gear;
   double max_speed = std::numeric_limits<double>::infinity();
-  double offset = 0.0;
+  double offset = 0.0, turn = 1.5707963267948966;
   unsigned wheels_count = 4;
   bool lights = true;
   WheelOptions wheels;
@@ -42,6 +42,7 @@ struct RobotOptions {
     o("last_gear", last_gear, "", "");
     o("max_speed", max_speed, "m/s", "it goes no faster").above(0.0).orUnlimited().dynamic();
     o("offset", offset, "", "");
+    o("turn", turn, "deg", "").within(0.0, 180.0).inDegrees();
     o("wheels_count", wheels_count, "", "").within(3, 8);
     o("lights", lights, "", "whether they are on").dynamic();
     o.section("what it stands on");
@@ -69,6 +70,7 @@ TEST(Options, AreAssignedByName) {
           {"last_gear", Text("forward")},
           {"max_speed", 2},
           {"offset", -0.5},
+          {"turn", 45},
           {"wheels_count", 6},
           {"lights", false},
           {"wheels/radius", 0.3},
@@ -79,6 +81,7 @@ TEST(Options, AreAssignedByName) {
   EXPECT_EQ(Gear::kForward, robot.last_gear);
   EXPECT_EQ(2.0, robot.max_speed);
   EXPECT_EQ(-0.5, robot.offset);
+  EXPECT_DOUBLE_EQ(0.7853981633974483, robot.turn);
   EXPECT_EQ(6u, robot.wheels_count);
   EXPECT_FALSE(robot.lights);
   EXPECT_EQ(0.3, robot.wheels.radius);
@@ -99,6 +102,7 @@ TEST(Options, AreRejectedByNameValueAndWhatIsAllowed) {
   EXPECT_EQ("~wheels/width is 0.5, allowed is less than radius", rejection({{"wheels/width", 0.5}}));
   EXPECT_EQ("~max_speed is 0, allowed is more than 0 m/s, or -1: no limit", rejection({{"max_speed", 0}}));
   EXPECT_EQ("~offset is nan, allowed is a number", rejection({{"offset", nan}}));
+  EXPECT_EQ("~turn is 200, allowed is 0 to 180 deg", rejection({{"turn", 200}}));
   EXPECT_EQ("~gear is 'up', allowed is forward | reverse", rejection({{"gear", Text("up")}}));
   EXPECT_EQ("~last_gear is 'up', allowed is forward | reverse | ''", rejection({{"last_gear", Text("up")}}));
   EXPECT_EQ("~name is '', allowed is a name", rejection({{"name", Text()}}));
@@ -111,7 +115,7 @@ TEST(Options, ThatThereAreNotAreGuessed) {
   EXPECT_EQ(
       "unknown: ~engine, ~wheels/radios (~wheels/radius?); there are ~gear, ~last_gear, ~lights, ~max_speed, "
       "~name, "
-      "~offset, ~wheels/radius, ~wheels/width, ~wheels_count",
+      "~offset, ~turn, ~wheels/radius, ~wheels/width, ~wheels_count",
       rejection({{"engine", 1}, {"wheels/radios", 1}}));
 }
 
@@ -136,11 +140,12 @@ const char kYaml[] = R"(# SPDX-License-Identifier: BSD-3-Clause
 # A robot.
 
 # ------------------------------------------------------------------------------------------------------------- the body
-name: robot                  # a name: what it is called
+name: robot                  # what it is called
 gear: forward                # (dynamic) of the drive. forward: towards x; reverse: the other way
 last_gear: ""                # forward | reverse | '': forward: towards x; reverse: the other way
 max_speed: -1.0              # (dynamic) more than 0 m/s, or -1: no limit: it goes no faster
 offset: 1.0e-05
+turn: 90.0                   # 0 to 180 deg
 wheels_count: 4              # 3 to 8
 lights: true                 # (dynamic) whether they are on
 

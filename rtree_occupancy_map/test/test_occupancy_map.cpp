@@ -585,7 +585,7 @@ TEST(Options, NamesWhatIsWrong) {
     return "accepted";
   };
   EXPECT_EQ(message([](Options& o) { o.resolution = 0.0; }),
-            "resolution is 0, allowed is above 0 to below 1e+06 m");
+            "resolution is 0, allowed is above 0 to below 1000000 m");
   EXPECT_EQ(message([](Options& o) { o.prob_hit = 0.4; }),
             "sensor_model/hit is 0.4, allowed is 0.5 to below 1");
   EXPECT_EQ(message([](Options& o) { o.max_range = -1; }),

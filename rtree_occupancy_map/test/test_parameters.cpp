@@ -52,7 +52,7 @@ TEST(Parameters, ReachTheirOptions) {
 
 TEST(Parameters, RejectionNamesParameterValueAndWhatIsAllowed) {
   EXPECT_TRUE(
-      mentions(rejection("resolution: 0"), {"~resolution is 0, allowed is above 0 to below 1e+06 m"}));
+      mentions(rejection("resolution: 0"), {"~resolution is 0, allowed is above 0 to below 1000000 m"}));
   EXPECT_TRUE(mentions(rejection("resolution: fine"), {"~resolution is 'fine', expected is a number"}));
   EXPECT_TRUE(mentions(rejection("sensor_model: {hit: 1.5}"),
                        {"~sensor_model/hit is 1.5, allowed is 0.5 to below 1"}));

@@ -27,7 +27,7 @@ class MultiMap {
   /// Forgets all cells. The size stays.
   void clear();
 
-  /// Writes all levels to a file: magic, version, options, known cells, checksum.
+  /// Writes all levels to a file: see map_file.cpp.
   /// @throws std::runtime_error that names the file
   void save(const std::string& path) const;
   /// @param options all but the resolution, the levels and the size, which are the file's

@@ -1,158 +1,294 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
-// What SLAM is started with. config/slam.yaml says how each changes the result.
+// What SLAM is started with, and how each changes the result.
 #pragma once
+
+#include <mapping_common/options.h>
 
 #include <string>
 
 namespace intensity_hector_slam {
 
 struct MapOptions {
-  double resolution = 0.025;  ///< m, edge of a cell of the finest level
-  int levels = 3;             ///< each has cells twice as large as the one before
-  double size_x = 25.6;       ///< m, at the start
-  double size_y = 25.6;       ///< m
-  double start_x = 0.5;       ///< where the origin of the map frame is, as a share of size_x
-  double start_y = 0.5;       ///< the same of size_y
-  bool grow = true;           ///< true: the map grows with what is seen; false: what is outside is ignored
-  double max_size = 400.0;    ///< m, longest side that a map may grow to
-  double update_factor_free = 0.48;     ///< P(g | z) of a cell that a beam crosses, 0 to 0.5
-  double update_factor_occupied = 0.7;  ///< P(g | z) of a cell that a beam ends in, 0.5 to 1
-  /// m, the last part of each beam, which clears unknown cells alone: a wall seen at a grazing angle lies
-  /// along it, and would wear away between the few beams that hit it.
+  double resolution = 0.025;
+  int levels = 3;
+  int size = 1024;
+  double start_x = 0.5, start_y = 0.5;
+  bool grow = true;
+  double max_size = 400.0;
+  double update_factor_free = 0.48, update_factor_occupied = 0.7;
   double clear_margin = 0.2;
-  /// Occupancy below which a cell of the coarsest level is surely free. What appears there, with no occupied
-  /// cell around, counts as 1 - update_factor_free instead of update_factor_occupied: it may move on. 0:
-  /// never.
   double sure_free = 0.3;
-  double min_probability = 0.02;  ///< occupancy never falls below: an obstacle that comes is seen soon
-  double max_probability = 0.98;  ///< occupancy never rises above: an obstacle that goes is cleared soon
-  int max_count =
-      1000;  ///< observations that the mean reflectivity goes over; then the latest count 1/max_count
+  double min_probability = 0.02, max_probability = 0.98;
+  int max_count = 1000;
 
-  /// @throws std::invalid_argument that names the option, its value and what is allowed
-  void validate() const;
+  void describe(mapping_common::OptionList& o) {
+    o("map_resolution", resolution, "m",
+      "edge of a cell of the finest level. Coarser is faster and forgives sparse scanners")
+        .within(0.001, 10.0);
+    o("map_size", size, "", "cells of the finest level along each side, at the start").within(2, 32768);
+    o("map_start_x", start_x, "", "where the origin of map_frame is in the map, from left to right")
+        .within(0.0, 1.0);
+    o("map_start_y", start_y, "", "the same from below to above").within(0.0, 1.0);
+    o("map_grow", grow, "", "true: the map grows with what is seen; false: what is outside is ignored");
+    o("max_size", max_size, "m", "longest side that the map grows to, if it isn't larger from the start")
+        .above(0.0)
+        .atMost(1e5);
+    o("map_multi_res_levels", levels, "",
+      "grids, each with cells twice as large as the one before: more forgive larger motions, but cells of "
+      "more than "
+      "0.2 m blur rooms")
+        .within(1, 10);
+    o("update_factor_free", update_factor_free, "",
+      "P(g | z), the probability of a cell that a beam crosses: lower clears sooner, but wears walls away "
+      "that are "
+      "seen at grazing angles")
+        .within(0.001, 0.499);
+    o("update_factor_occupied", update_factor_occupied, "",
+      "the same of a cell that a beam ends in: higher settles sooner")
+        .within(0.501, 0.999);
+    o("clear_margin", clear_margin, "m",
+      "the last part of a beam, which clears unknown cells alone: a wall seen at a grazing angle lies along "
+      "it, and "
+      "would wear away between the few beams that hit it, so that loops don't close")
+        .within(0.0, 1000.0);
+    o("sure_free", sure_free, "",
+      "occupancy below which a cell of the coarsest level is surely free: what appears there, away from all "
+      "that is "
+      "occupied, counts as 1 - update_factor_free, so that it gets into the map only where it stays. 0: at "
+      "once")
+        .within(0.0, 0.5);
+    o("min_probability", min_probability, "",
+      "occupancy stays in these bounds, so that what comes and goes is noticed soon")
+        .within(0.0001, 0.499);
+    o("max_probability", max_probability, "", "the upper one").within(0.501, 0.9999);
+    o("max_count", max_count, "",
+      "observations that the mean reflectivity of a cell goes over; then the latest count 1 / max_count")
+        .within(1, 65535);
+    o.require(levels < 1 || levels > 10 || size >= 2 << levels, "map_size",
+              "at least two cells of the coarsest level");
+  }
 };
 
 /// What a pose minimises the squares of, for beam i with the end point S_i.
-enum class Cost {
-  kOccupancy,     ///< 1 - M(S_i): Hector SLAM's own
-  kReflectivity,  ///< rho_i - R(S_i), Eq. 3.6
-  kCombined,      ///< both, weighted
-  kAuto           ///< occupancy or combined for each scan, by density and observability
-};
+enum class Cost { kOccupancy, kReflectivity, kCombined, kAuto };
+constexpr auto choicesOf(Cost) {
+  return mapping_common::choices<Cost>(
+      {{"occupancy", Cost::kOccupancy, "1 - M(S_i), Hector SLAM's"},
+       {"reflectivity", Cost::kReflectivity, "rho_i - R(S_i), Eq. 3.6"},
+       {"combined", Cost::kCombined, "both, weighted"},
+       {"auto", Cost::kAuto, "occupancy where reflectivity is unknown or too sparse, else both"}});
+}
+
+inline std::string toString(Cost cost) {
+  return mapping_common::nameOf(cost);
+}
 
 /// Weight of a residual e against moving objects, with the scale s.
-enum class RobustKernel {
-  kNone,    ///< 1
-  kHuber,   ///< s / |e| beyond s
-  kCauchy,  ///< 1 / (1 + (e / s)^2)
-  kTukey    ///< (1 - (e / s)^2)^2, 0 beyond s
-};
+enum class RobustKernel { kNone, kHuber, kCauchy, kTukey };
+constexpr auto choicesOf(RobustKernel) {
+  return mapping_common::choices<RobustKernel>(
+      {{"none", RobustKernel::kNone, "1"},
+       {"huber", RobustKernel::kHuber, "s / |e| beyond s"},
+       {"cauchy", RobustKernel::kCauchy, "1 / (1 + (e / s)^2)"},
+       {"tukey", RobustKernel::kTukey, "(1 - (e / s)^2)^2, 0 beyond s"}});
+}
 
 /// When a window around the first guess is searched for the best start of the iterations.
-enum class Search {
-  kNever,
-  kWhenUnsure,  ///< without odometry and with scans far apart, after a long way or turn, at the start, after
-                ///< a pause, where a match is rejected or, once per update of the map, contradicts the map
-  kAlways
-};
+enum class Search { kNever, kWhenUnsure, kAlways };
+constexpr auto choicesOf(Search) {
+  return mapping_common::choices<Search>(
+      {{"never", Search::kNever, "not at all"},
+       {"when_unsure", Search::kWhenUnsure,
+        "without odometry and with scans search_gap apart, after a way or turn beyond search_motion, at the "
+        "start, "
+        "after a pause, or where a match is rejected or, once per update of the map, contradicts it"},
+       {"always", Search::kAlways, "for each scan"}});
+}
 
 struct MatcherOptions {
   Cost cost = Cost::kCombined;
-  double occupancy_weight = 1.0;     ///< combined: of the squared residuals of the occupancy
-  double reflectivity_weight = 1.0;  ///< combined: of the squared residuals of the reflectivity
+  double occupancy_weight = 1.0, reflectivity_weight = 1.0;
+  double auto_max_spacing = 0.1, auto_min_known = 0.3;
   RobustKernel robust_kernel = RobustKernel::kCauchy;
-  double robust_scale = 0.5;  ///< s, in units of the residual
-  int max_iterations = 12;    ///< on each level
-  int max_halvings =
-      3;  ///< of a step that doesn't lower the cost; with 0 each step is taken, as in Hector SLAM
-  double max_step_distance = 0.1;   ///< m, of one iteration
-  double max_step_angle = 0.1;      ///< rad, of one iteration
-  double min_step_distance = 2e-4;  ///< m, an iteration that moves less is the last
-  double min_step_angle = 1e-4;     ///< rad, and turns less
-  double min_cost_change = 3e-4;    ///< of the cost, an iteration that lowers it by less is the last
-  double coarse_step = 0.05;        ///< cells: less is the last iteration on all but the finest level
-  /// Cells of the finest level: on all others, neighbouring points within this count as one. What is near
-  /// has the most beams, and people walk near. 0: each counts.
+  double robust_scale = 0.5;
+  int max_iterations = 12, max_halvings = 3;
+  double max_step_distance = 0.1, max_step_angle = 0.1;
+  double min_step_distance = 2e-4, min_step_angle = 1e-4;
+  double coarse_step = 0.05;
+  double min_cost_change = 3e-4;
   double coarse_spacing = 0.75;
-  int coarse_points = 250;  ///< level k > 0 uses 1 / 2^k of those points, but no fewer than this
-  /// What a scan tells about the pose is judged from lines through neighbouring points: H holds the noise of
-  /// the grid, too.
-  double surface_length = 0.6;  ///< m, of such lines
-  /// Where the normals of the lines tell less in some direction than this share of what they tell in the best
-  /// (angles times the scan's mean range), occupancy doesn't observe the pose there.
-  double min_observability = 0.002;
-  /// Reflectivity does where it changes along the lines: the square of its slope, over what noise alone would
-  /// give, is at least this on the average. Otherwise the pose stays where the first guess is.
-  double min_texture = 10.0;
-  /// Where the normals tell less than this share, and reflectivity has texture, it is left to reflectivity.
-  double min_geometry = 0.02;
-
-  double auto_max_spacing =
-      0.1;  ///< m, auto: with the median distance of neighbouring points beyond, reflectivity
-            ///< has no good normals, and is used only where occupancy leaves a direction open
-  double auto_min_known = 0.3;  ///< auto: share of points with known reflectivity for it to be used
-
-  double sigma = 0.0;             ///< of K = sigma^2 H^-1; 0: estimated from the residuals of each scan
-  double covariance_scale = 2.0;  ///< factor on K: residuals of neighbouring beams aren't independent
-  /// Cells of the finest level: standard deviation of what all beams have in common, of points at the scan's
-  /// mean range for the angle. It is added to K.
-  double covariance_floor = 0.03;
-  double unobservable_distance = 1.0;  ///< m, standard deviation in a direction that isn't observable
-  double unobservable_angle = 0.5;     ///< rad, and of the angle
+  int coarse_points = 250;
 
   Search search = Search::kWhenUnsure;
-  double search_gap = 0.09;  ///< s, scans at least as far apart are, without odometry, reason to search
-  double search_motion_distance = 0.3;  ///< m, of the first guess since the last scan: more is reason, too
-  double search_motion_angle = 0.2;     ///< rad
-  double search_contradiction = 0.2;    ///< share of the points in free space: more is reason, too
-  double search_min_gain = 0.25;  ///< of Match::score(), for such a search's result to replace the match
-  double search_distance = 0.3;   ///< m, half the width of the window
-  double search_angle = 0.35;     ///< rad, half its range of angles
-  int search_points = 200;        ///< of the scan, evenly spread
+  double search_gap = 0.09;
+  double search_motion_distance = 0.3, search_motion_angle = 0.2;
+  double search_contradiction = 0.2, search_min_gain = 0.25;
+  double search_distance = 0.3, search_angle = 0.35;
+  int search_points = 200;
 
-  /// @throws std::invalid_argument that names the option, its value and what is allowed
-  void validate() const;
+  double surface_length = 0.6;
+  double min_observability = 0.002, min_texture = 10.0, min_geometry = 0.02;
+  double sigma = 0.0;
+  double covariance_scale = 2.0, covariance_floor = 0.03;
+  double unobservable_distance = 1.0, unobservable_angle = 0.5;
+
+  void describe(mapping_common::OptionList& o) {
+    o("cost", cost, "", "what a pose minimises the squares of").dynamic();
+    o("occupancy_weight", occupancy_weight, "", "combined: of the squared residuals of the occupancy")
+        .within(0.0, 1e6)
+        .dynamic();
+    o("reflectivity_weight", reflectivity_weight, "", "combined: of those of the reflectivity")
+        .within(0.0, 1e6)
+        .dynamic();
+    o("auto_max_spacing", auto_max_spacing, "m",
+      "auto: with the median distance of neighbouring points beyond, reflectivity has no good normals, and "
+      "is used "
+      "only where occupancy leaves a direction open")
+        .within(0.0, 1000.0);
+    o("auto_min_known", auto_min_known, "", "auto: share of points with known reflectivity for it to be used")
+        .within(0.0, 1.0);
+    o("robust_kernel", robust_kernel, "",
+      "weight of a residual e against moving objects, with s = robust_scale")
+        .dynamic();
+    o("robust_scale", robust_scale, "", "residuals beyond count less; residuals are 0 to 1")
+        .within(0.001, 1000.0)
+        .dynamic();
+    o("max_iterations", max_iterations, "", "of Gauss-Newton on each level").within(1, 1000);
+    o("max_halvings", max_halvings, "",
+      "of a step that doesn't lower the cost; 0: each step is taken, as in Hector SLAM")
+        .within(0, 20);
+    o("max_step_distance", max_step_distance, "m", "of one iteration").within(0.0001, 100.0);
+    o("max_step_angle", max_step_angle, "rad", "of one iteration").within(0.0001, 3.15);
+    o("min_step_distance", min_step_distance, "m", "an iteration that moves less ...").atLeast(0.0);
+    o("min_step_angle", min_step_angle, "rad", "and turns less is the last").atLeast(0.0);
+    o("coarse_step", coarse_step, "cells",
+      "an iteration that moves less is the last on all levels but the finest")
+        .within(0.0, 1.0);
+    o("min_cost_change", min_cost_change, "", "of the cost, an iteration that lowers it by less is the last")
+        .within(0.0, 1.0);
+    o("coarse_spacing", coarse_spacing, "cells",
+      "of the finest level: on all others, neighbouring points within this count as one, so that people near "
+      "by, who "
+      "get the most beams, don't hold the pose more than the walls. 0: each counts")
+        .within(0.0, 100.0);
+    o("coarse_points", coarse_points, "", "of those, 1 / 2^k are used on level k > 0, but no fewer than this")
+        .within(1, 1e6);
+    o("search", search, "", "whether the coarsest level is searched around the first guess before").dynamic();
+    o("search_gap", search_gap, "s", "between scans").atLeast(0.0);
+    o("search_motion_distance", search_motion_distance, "m", "between scans, by the first guess")
+        .atLeast(0.0);
+    o("search_motion_angle", search_motion_angle, "rad", "the same").atLeast(0.0);
+    o("search_contradiction", search_contradiction, "",
+      "share of points in free space; the search is repeated once per way or turn beyond map_update_*_thresh")
+        .within(0.0, 1.0);
+    o("search_min_gain", search_min_gain, "",
+      "what it must gain in points on what is occupied less points in free space (shares)")
+        .within(0.0, 2.0);
+    o("search_distance", search_distance, "m", "half the width of the window").within(0.0, 100.0);
+    o("search_angle", search_angle, "rad", "half its range of angles").within(0.0, 3.15);
+    o("search_points", search_points, "", "of the scan, evenly spread: more take more time").within(1, 1e6);
+
+    o.section("what isn't known");
+    o("surface_length", surface_length, "m",
+      "of lines through neighbouring points, by which a scan is judged: the matcher's H holds the noise of "
+      "the grid, "
+      "too")
+        .within(0.001, 100.0);
+    o("min_observability", min_observability, "",
+      "where their normals tell less in some direction than this share of what they tell in the best (angles "
+      "times the "
+      "scan's mean range), occupancy doesn't observe the pose there. 0: it always does, as in Hector SLAM")
+        .within(0.0, 1.0);
+    o("min_texture", min_texture, "",
+      "where the square of reflectivity's slope along them, over that of noise alone, is less on the "
+      "average, "
+      "reflectivity doesn't, either: the pose stays where the first guess is")
+        .within(0.0, 1e9);
+    o("min_geometry", min_geometry, "",
+      "as min_observability, where there is texture: reflectivity alone tells there")
+        .within(0.0, 1.0);
+    o("sigma", sigma, "", "of the covariance K = sigma^2 H^-1; 0: from the residuals of each scan")
+        .within(0.0, 1000.0);
+    o("covariance_scale", covariance_scale, "",
+      "factor on K: residuals of neighbouring beams aren't independent")
+        .within(0.001, 1e6);
+    o("covariance_floor", covariance_floor, "cells",
+      "of the finest level: standard deviation of what all beams have in common, of points at the scan's "
+      "mean range "
+      "for the angle, added to K")
+        .within(0.0, 1000.0);
+    o("unobservable_distance", unobservable_distance, "m",
+      "standard deviation in a direction that isn't observable")
+        .within(0.001, 1e6);
+    o("unobservable_angle", unobservable_angle, "rad", "and of an angle").within(0.001, 1000.0);
+    o.require(occupancy_weight + reflectivity_weight >= 1e-6, "occupancy_weight",
+              "more than 0, or reflectivity_weight is");
+    o.require(min_step_distance <= max_step_distance, "min_step_distance", "0 to max_step_distance");
+    o.require(min_step_angle <= max_step_angle, "min_step_angle", "0 to max_step_angle");
+  }
 };
 
 /// Where the iterations start.
-enum class Guess {
-  kLastPose,
-  kConstantVelocity,  ///< of the last two poses
-  kOdometry           ///< the last pose moved on by the odometry; without any, constant velocity
-};
+enum class Guess { kLastPose, kConstantVelocity, kOdometry };
+constexpr auto choicesOf(Guess) {
+  return mapping_common::choices<Guess>(
+      {{"last_pose", Guess::kLastPose, "the body stands"},
+       {"constant_velocity", Guess::kConstantVelocity, "that of the last two poses"},
+       {"odometry", Guess::kOdometry, "moves the last pose on; without any, constant velocity"}});
+}
 
 struct SlamOptions {
   MapOptions map;
   MatcherOptions matcher;
+  bool localization = false;
+  double update_distance = 0.4, update_angle = 0.9, update_period = 0.5;
+  bool deskew = true;
+  int min_points = 20;
   Guess guess = Guess::kOdometry;
-  bool localization = false;     ///< true: the map stays as it is
-  bool deskew = true;            ///< true: points are moved to where they are seen from at the scan's stamp
-  double update_distance = 0.4;  ///< m, travelled before another scan goes into the map
-  double update_angle = 0.9;     ///< rad, or turned
-  double update_period = 0.5;    ///< s, or that went by: what moves on isn't left in the map of who stands
-  int min_points = 20;           ///< a scan with fewer is empty
-  double max_contradiction =
-      0.6;  ///< share of the points in space known as free beyond which a match is rejected
-  double max_correction_distance = 0.5;    ///< m, by which a match may differ from the first guess
-  double max_correction_angle = 0.7;       ///< rad
-  double max_speed = 5.0;                  ///< m/s, faster odometry may have jumped
-  double max_turn_rate = 10.0;             ///< rad/s
-  double max_acceleration = 5.0;           ///< m/s^2, by which the velocity of the first guess changes
-  double max_angular_acceleration = 15.0;  ///< rad/s^2
-  double max_gap = 1.0;  ///< s, between scans; longer is a pause, over which no velocity holds
+  double max_contradiction = 0.6;
+  double max_correction_distance = 0.5, max_correction_angle = 0.7;
+  double max_speed = 5.0, max_turn_rate = 10.0;
+  double max_acceleration = 5.0, max_angular_acceleration = 15.0;
+  double max_gap = 1.0;
 
-  /// @throws std::invalid_argument that names the option, its value and what is allowed
-  void validate() const;
+  void describe(mapping_common::OptionList& o) {
+    o.section("map");
+    map.describe(o);
+    o("map_update_distance_thresh", update_distance, "m", "travelled before another scan goes into the map")
+        .within(0.0, 1000.0)
+        .dynamic();
+    o("map_update_angle_thresh", update_angle, "rad", "or turned").within(0.0, 1000.0).dynamic();
+    o("map_update_period", update_period, "s",
+      "or that went by: what moves on doesn't stay in the map of a robot that stands")
+        .atLeast(0.0);
+    o("localization", localization, "", "true: the map stays as it is. At the start it needs a map_file")
+        .dynamic();
+    o.section("matching");
+    o("deskew", deskew, "", "true: points are moved to where they are seen from at the scan's stamp");
+    o("min_points", min_points, "", "a scan with fewer points is empty").within(3, 1e6);
+    o("guess", guess, "", "where the iterations start");
+    matcher.describe(o);
+    o("max_contradiction", max_contradiction, "",
+      "share of points in free space beyond which a match is rejected")
+        .within(0.0, 1.0)
+        .dynamic();
+    o("max_correction_distance", max_correction_distance, "m",
+      "by which a match may differ from the first guess")
+        .atLeast(0.0);
+    o("max_correction_angle", max_correction_angle, "rad", "the same").within(0.0, 6.3);
+    o("max_speed", max_speed, "m/s",
+      "odometry that moves faster may have jumped: it isn't the first guess for a scan that fits to the map "
+      "better by "
+      "search_min_gain without")
+        .atLeast(0.001);
+    o("max_turn_rate", max_turn_rate, "rad/s", "or turns faster").atLeast(0.001);
+    o("max_acceleration", max_acceleration, "m/s^2",
+      "by which the velocity of the first guess changes at most: a pose that jumps doesn't lead away")
+        .atLeast(0.001);
+    o("max_angular_acceleration", max_angular_acceleration, "rad/s^2", "the same").atLeast(0.001);
+    o("max_gap", max_gap, "s", "between scans; longer is a pause, over which no velocity holds").atLeast(0.0);
+  }
 };
-
-/// From the names that parameters and command lines use.
-/// @throws std::invalid_argument that names the option, the value and what is allowed
-Cost parseCost(const std::string& name);                  ///< occupancy | reflectivity | combined | auto
-RobustKernel parseRobustKernel(const std::string& name);  ///< none | huber | cauchy | tukey
-Search parseSearch(const std::string& name);              ///< never | when_unsure | always
-Guess parseGuess(const std::string& name);                ///< last_pose | constant_velocity | odometry
-std::string toString(Cost cost);
 
 }  // namespace intensity_hector_slam

@@ -25,7 +25,6 @@
 
 #include "intensity_hector_slam/ros/map_conversion.h"
 #include "intensity_hector_slam/ros/parameters.h"
-#include "intensity_hector_slam/ros/reconfiguration.h"
 #include "intensity_hector_slam/ros/scan_conversion.h"
 #include "intensity_hector_slam/ros/scan_counts.h"
 #include "intensity_hector_slam/ros/slam_publisher.h"
@@ -62,7 +61,7 @@ class SlamNodelet : public mapping_common::Nodelet {
   std::string load(const std::string& path);
   void reset(const Pose& pose);
 
-  void reconfigure(const SlamConfig& config);
+  void reconfigure(const SlamParameters& changed);
   void report() override;
   void diagnoseScans(StatusWrapper& status);
   void diagnoseMap(StatusWrapper& status);
@@ -95,10 +94,10 @@ SlamNodelet::~SlamNodelet() {
 
 void SlamNodelet::start(mapping_common::Parameters& reader) {
   ros::NodeHandle& node = getNodeHandle();
-  parameters_ = readSlamParameters(reader);
-  rejectUnknown(reader);
+  reader.read(parameters_);
+  parameters_.resolve();
   mapping_common::requireOwnEnding(parameters_.save_on_shutdown);
-  for (const std::string& warning : parameters_.warnings) NODELET_WARN_STREAM(warning);
+  for (const std::string& warning : parameters_.warnings()) NODELET_WARN_STREAM(warning);
 
   slam_ = std::make_unique<Slam>(parameters_.slam);
   slam_->setPose(parameters_.start);
@@ -107,8 +106,8 @@ void SlamNodelet::start(mapping_common::Parameters& reader) {
 
   map_timer_ =
       every(parameters_.map_pub_period, [this] { publisher_->publishMaps(last_stamp_, slam_->map()); });
-  allowReconfiguration<SlamConfig>(startConfig(reader, parameters_),
-                                   [this](const SlamConfig& config, std::uint32_t) { reconfigure(config); });
+  allowReconfiguration<SlamParameters>(parameters_,
+                                       [this](const SlamParameters& changed) { reconfigure(changed); });
   offerServices();
   listen();
   startDiagnostics("none", {{"Scans", [this](StatusWrapper& status) { diagnoseScans(status); }},
@@ -300,9 +299,11 @@ std::string SlamNodelet::load(const std::string& path) {
 
 // --------------------------------------------------------------------------------------------- while it runs
 
-void SlamNodelet::reconfigure(const SlamConfig& config) {
-  slam_->setOptions(reconfigured(slam_->options(), config));
-  map_timer_.setPeriod(ros::WallDuration(config.map_pub_period));
+void SlamNodelet::reconfigure(const SlamParameters& changed) {
+  SlamOptions options = slam_->options();  // with the map's that was loaded
+  mapping_common::copyDynamic(changed.slam, options);
+  slam_->setOptions(options);
+  map_timer_.setPeriod(ros::WallDuration(changed.map_pub_period));
 }
 
 void SlamNodelet::report() {

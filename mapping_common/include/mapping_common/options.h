@@ -12,6 +12,7 @@
 #include <limits>
 #include <map>
 #include <optional>
+#include <stdexcept>
 #include <string>
 #include <type_traits>
 #include <utility>
@@ -52,6 +53,17 @@ std::string nameOf(Enum value) {
   return "";
 }
 
+/// @throws std::invalid_argument that names those there are
+template <class Enum>
+Enum valueOf(const std::string& name) {
+  std::string names;
+  for (const auto& choice : choicesOf(Enum())) {
+    if (choice.name == name) return choice.value;
+    names += (names.empty() ? "" : " | ") + std::string(choice.name);
+  }
+  throw std::invalid_argument('\'' + name + "' is none of " + names);
+}
+
 /// One option: where its value is, and what is said of it.
 class Option {
  public:
@@ -68,6 +80,8 @@ class Option {
   Option& below(double max) { return max_ = max, below_ = true, *this; }
   /// Users write -1 for infinity.
   Option& orUnlimited() { return unlimited_ = true, *this; }
+  /// Users write degrees for radians.
+  Option& inDegrees() { return scale_ = 180.0 / 3.14159265358979323846, *this; }
   /// What a string may be. An enum's names are known.
   Option& oneOf(const std::vector<std::string>& names);
   Option& notEmpty() { return not_empty_ = true, *this; }
@@ -111,8 +125,11 @@ class Option {
   std::string name_, unit_, text_;
   Type type_ = Type::kString;
   double min_ = -std::numeric_limits<double>::infinity(), max_ = std::numeric_limits<double>::infinity();
+  double scale_ = 1.0;  // what users write for 1
   bool above_ = false, below_ = false, unlimited_ = false, not_empty_ = false, dynamic_ = false;
   std::vector<std::pair<std::string, std::string>> choices_;
+  OptionValue scaled() const;
+
   std::function<OptionValue()> get_;
   std::function<void(const OptionValue&)> set_;  // of a value of the right type
 };

@@ -3,6 +3,7 @@
 
 #include <mapping_common/options.h>
 
+#include <algorithm>
 #include <boost/program_options.hpp>
 #include <cstring>
 #include <exception>
@@ -15,11 +16,13 @@ namespace mapping_common {
 
 /// Adds the argument --flag that sets an option of a struct, with its default, what it may be and what it is
 /// for.
+/// @param flag _ is made -
 /// @param name of the option
 template <class Options>
-void addOption(boost::program_options::options_description& arguments, const std::string& flag,
-               Options& options, const std::string& name) {
+void addOption(boost::program_options::options_description& arguments, std::string flag, Options& options,
+               const std::string& name) {
   namespace po = boost::program_options;
+  std::replace(flag.begin(), flag.end(), '_', '-');
   OptionList list = optionsOf(options);
   const Option option = list.find(name)->named("--" + flag);
   arguments.add_options()(

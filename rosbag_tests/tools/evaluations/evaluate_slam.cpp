@@ -100,10 +100,11 @@ bool parse(int argc, char** argv, Arguments& a) {
   if (!(a.reflectivity_scale > 0.0)) throw po::error("--reflectivity-scale must be positive");
   a.criterion.angle = a.lost_angle * M_PI / 180.0;
   try {
-    a.slam.guess = intensity_hector_slam::parseGuess(a.guess);
-    for (const std::string& cost : a.costs) intensity_hector_slam::parseCost(cost);
-    if (!a.model.empty() && a.model != "ideal") laser_intensity_calib::parseModelType(a.model);
-    a.slam.validate();
+    a.slam.guess = mapping_common::valueOf<intensity_hector_slam::Guess>(a.guess);
+    for (const std::string& cost : a.costs) mapping_common::valueOf<intensity_hector_slam::Cost>(cost);
+    if (!a.model.empty() && a.model != "ideal")
+      mapping_common::valueOf<laser_intensity_calib::ModelType>(a.model);
+    mapping_common::validate(a.slam);
   } catch (const std::invalid_argument& e) {
     throw po::error(e.what());
   }
@@ -113,7 +114,7 @@ bool parse(int argc, char** argv, Arguments& a) {
 void use(const std::string& model, SlamScenario& scenario) {
   if (model.empty()) return;
   if (model == "ideal") return scenario.calibration.reset();
-  scenario.model = laser_intensity_calib::parseModelType(model);
+  scenario.model = mapping_common::valueOf<laser_intensity_calib::ModelType>(model);
   if (!scenario.calibration || !scenario.calibration->has(scenario.model))
     throw std::runtime_error(scenario.name + " has no calibration with the model " + model +
                              "; --model ideal?");
@@ -158,7 +159,7 @@ class Evaluation {
     const SlamRecording recording = record(scenario, seed);
     for (std::size_t k = 0; k < a_.costs.size(); ++k) {
       intensity_hector_slam::SlamOptions options = a_.slam;
-      options.matcher.cost = intensity_hector_slam::parseCost(a_.costs[k]);
+      options.matcher.cost = mapping_common::valueOf<intensity_hector_slam::Cost>(a_.costs[k]);
       intensity_hector_slam::MultiMap map(options.map);
       SlamRun run = runSlam(recording, options, a_.criterion, &map);
       run.scenario = scenario.name;
