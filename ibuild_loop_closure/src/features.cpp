@@ -8,8 +8,6 @@
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
-#include "checks.h"
-
 namespace ibuild_loop_closure {
 namespace {
 
@@ -36,20 +34,8 @@ std::vector<cv::KeyPoint> spread(const std::vector<cv::KeyPoint>& sorted, std::s
 
 }  // namespace
 
-void FeatureOptions::validate() const {
-  checkRange("threshold", threshold, 1, 255);
-  checkRange("octaves", octaves, 0, 8);
-  checkRange("size", size, 1.0f, 100.0f);
-  checkRange("pattern_scale", pattern_scale, 0.1, 10.0);
-  checkRange("max_features", max_features, 0, 100000);
-  checkRange("columns", columns, 1, 1000);
-  checkRange("rows", rows, 1, 1000);
-  checkRange("min_width", min_width, 0, 10000);
-  checkRange("max_width", max_width, 0, 100000);
-}
-
-FeatureExtractor::FeatureExtractor(const FeatureOptions& options) : options_(options) {
-  options_.validate();
+FeatureExtractor::FeatureExtractor(const FeatureOptions& options)
+    : options_(mapping_common::validate(options)) {
   brisk_ = cv::BRISK::create(options.threshold, options.octaves, static_cast<float>(options.pattern_scale));
   fast_ = cv::FastFeatureDetector::create(options.threshold);
   clahe_ = cv::createCLAHE(3.0);
@@ -107,7 +93,7 @@ std::vector<cv::KeyPoint> FeatureExtractor::detect(const cv::Mat& prepared) cons
     brisk_->detect(prepared, found);
   } else {
     fast_->detect(prepared, found);
-    for (cv::KeyPoint& k : found) k.size = options_.size;
+    for (cv::KeyPoint& k : found) k.size = static_cast<float>(options_.size);
   }
   const std::size_t count = static_cast<std::size_t>(options_.max_features);
   if (count == 0 || found.size() <= count) return found;

@@ -7,8 +7,6 @@
 #include <opencv2/core/eigen.hpp>
 #include <random>
 
-#include "checks.h"
-
 namespace ibuild_loop_closure {
 namespace {
 
@@ -179,19 +177,6 @@ std::optional<RelativePose> relativePose(const View& query, const View& match, c
 }
 
 }  // namespace
-
-void GeometryOptions::validate() const {
-  checkRange("geometry max_features", max_features, 8, 100000);
-  checkRange("geometry delta", delta, 1, Descriptor::kBits);
-  checkRange("ratio", ratio, 0.1, 1.0);
-  checkRange("layout_tolerance", layout_tolerance, 0.001, 0.5);
-  checkRange("epipolar_tolerance", epipolar_tolerance, 0.0001, 0.1);
-  checkRange("spot", spot, 0.0, 0.5);
-  checkRange("min_overlap", min_overlap, 0.0, 1.0);
-  checkRange("max_scale", max_scale, 1.0, 100.0);
-  checkRange("iterations", iterations, 1, 100000);
-  checkRange("min_inliers", min_inliers, 8, 10000);
-}
 
 GeometryResult checkLayout(const View& query, const View& match, const GeometryOptions& options) {
   GeometryResult result;

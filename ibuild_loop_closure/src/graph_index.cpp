@@ -54,7 +54,7 @@ void GraphIndex::Rows<T>::push_back(const T& value) {
 }
 
 GraphIndex::GraphIndex(const IndexOptions& options)
-    : options_((options.validate(), options)), words_(1), finest_(2 * options.links) {}
+    : options_(mapping_common::validate(options)), words_(1), finest_(2 * options.links) {}
 
 // One in `links` words of a layer is in the next coarser one.
 int GraphIndex::layersOf(std::size_t word) const {

@@ -7,7 +7,6 @@
 #include <numeric>
 #include <stdexcept>
 
-#include "checks.h"
 #include "ibuild_loop_closure/vocabulary_file.h"
 
 namespace ibuild_loop_closure {
@@ -62,7 +61,8 @@ void checkFrame(const Frame& frame) {
     if (frame.right->image.size() != frame.image.size())
       throw std::invalid_argument("the right image and the left one differ in size");
     toGrey(frame.right->image);
-    checkRange("the baseline (m)", frame.right->baseline, 1e-6, 1e6);
+    double baseline = frame.right->baseline;
+    mapping_common::Option("the baseline", baseline, "m", "").within(1e-6, 1e6).check();
   }
   if (frame.depth.empty()) return;
   if (frame.depth.size() != frame.image.size())
@@ -85,22 +85,6 @@ LoopDetectorOptions LoopDetectorOptions::thesis() {
   o.grouping = o.leave_first = o.geometric_check = false;
   o.step = 0.0;
   return o;
-}
-
-void LoopDetectorOptions::validate() const {
-  features.validate();
-  checkRange("tracking_delta", tracking_delta, 1, Descriptor::kBits);
-  checkRange("delta", delta, 1, Descriptor::kBits);
-  index.validate();
-  checkRange("beta", beta, 1, 1000000);
-  checkRange("min_similarity", min_similarity, 0.0, 1.0);
-  checkRange("step", step, 0.0, 1.0);
-  checkRange("max_remaining", max_remaining, 0.0, 1.0);
-  checkRange("candidates", candidates, 1, 10000);
-  checkRange("verified", verified, 1, 10000);
-  geometry.validate();
-  stereo.validate();
-  tracks.validate();
 }
 
 const char* stageName(Stage stage) {
@@ -126,7 +110,7 @@ const char* stageName(Stage stage) {
 }
 
 LoopDetector::LoopDetector(const LoopDetectorOptions& options)
-    : options_((options.validate(), options)),
+    : options_(mapping_common::validate(options)),
       extractor_(options.features),
       vocabulary_(options.delta, options.index),
       consistency_(options.beta),

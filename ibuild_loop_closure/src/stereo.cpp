@@ -7,8 +7,6 @@
 #include <opencv2/imgproc.hpp>
 #include <string>
 
-#include "checks.h"
-
 namespace ibuild_loop_closure {
 namespace {
 
@@ -54,16 +52,6 @@ double bestOf(const std::vector<int>& differences, double uniqueness) {
 }
 
 }  // namespace
-
-void StereoOptions::validate() const {
-  checkRange("stereo window", window, 5, 63);
-  if (window % 2 == 0)
-    throw std::invalid_argument("stereo window is " + std::to_string(window) + ", allowed are odd numbers");
-  checkRange("min_disparity", min_disparity, 0.1, 1000.0);
-  checkRange("max_disparity", max_disparity, 0.001, 1.0);
-  checkRange("uniqueness", uniqueness, 0.0, 1.0);
-  checkRange("max_difference", max_difference, 0.0, 255.0);
-}
 
 std::vector<float> disparitiesAt(const cv::Mat& left, const cv::Mat& right,
                                  const std::vector<cv::Point2f>& points, const StereoOptions& options) {

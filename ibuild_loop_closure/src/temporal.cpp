@@ -5,8 +5,6 @@
 #include <cmath>
 #include <cstdlib>
 
-#include "checks.h"
-
 namespace ibuild_loop_closure {
 
 bool TemporalConsistency::allows(int query, int match) const {
@@ -20,15 +18,6 @@ bool TemporalConsistency::allows(int query, int match) const {
 
 void TemporalConsistency::accept(int query, int match) {
   recent_.push_back({query, match});
-}
-
-void TrackOptions::validate() const {
-  checkRange("min_significance", min_significance, 0.0, 1e6);
-  checkRange("open_significance", open_significance, 0.0, 1e6);
-  checkRange("min_verified", min_verified, 0, 1000);
-  checkRange("memory", memory, 0.0, 1.0);
-  checkRange("backward", backward, 0, 1000);
-  checkRange("ahead", ahead, 0, 1000);
 }
 
 double LoopTracks::left(const Track& track, int query) const {

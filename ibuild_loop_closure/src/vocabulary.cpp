@@ -5,7 +5,6 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "checks.h"
 #include "ibuild_loop_closure/graph_index.h"
 
 namespace ibuild_loop_closure {
@@ -39,7 +38,7 @@ Vocabulary::Vocabulary(int delta, const IndexOptions& index)
 }
 
 void Vocabulary::setDelta(int delta) {
-  checkRange("delta", delta, 1, Descriptor::kBits);
+  mapping_common::Option("delta", delta, "bits", "").within(1, Descriptor::kBits).check();
   delta_ = delta;
 }
 

@@ -4,20 +4,13 @@
 #include <algorithm>
 #include <array>
 
-#include "checks.h"
 #include "ibuild_loop_closure/features.h"
 #include "ibuild_loop_closure/graph_index.h"
 
 namespace ibuild_loop_closure {
 
-void IndexOptions::validate() const {
-  checkRange("links", links, 2, 64);
-  checkRange("insert_breadth", insert_breadth, 1, 10000);
-  checkRange("search_breadth", search_breadth, 1, 10000);
-}
-
 std::unique_ptr<WordIndex> makeIndex(const IndexOptions& options) {
-  options.validate();
+  mapping_common::validate(options);
   if (options.type == IndexType::kLinear) return std::make_unique<LinearIndex>(options.nearest);
   return std::make_unique<GraphIndex>(options);
 }

@@ -2,100 +2,15 @@
 //
 // Parameters, conversions, key frames: the ROS side without a master.
 #include <gtest/gtest.h>
-#include <yaml-cpp/yaml.h>
 
 #include <stdexcept>
 
 #include "ibuild_loop_closure/ros/conversions.h"
 #include "ibuild_loop_closure/ros/key_frames.h"
-#include "ibuild_loop_closure/ros/parameters.h"
 #include "test_images.h"
 
 namespace ibuild_loop_closure {
 namespace {
-
-XmlRpc::XmlRpcValue toXmlRpc(const YAML::Node& node) {
-  XmlRpc::XmlRpcValue value;
-  if (node.IsMap()) {
-    for (const auto& member : node) value[member.first.as<std::string>()] = toXmlRpc(member.second);
-    return value;
-  }
-  int integer;
-  double number;
-  bool boolean;
-  if (node.Tag() == "!") return {node.as<std::string>()};  // quoted
-  if (YAML::convert<int>::decode(node, integer)) return {integer};
-  if (YAML::convert<double>::decode(node, number)) return {number};
-  if (YAML::convert<bool>::decode(node, boolean)) return XmlRpc::XmlRpcValue(boolean);
-  return {node.as<std::string>()};
-}
-
-TEST(Parameters, OfTheShippedFileAreTheDefaults) {
-  const YAML::Node file = YAML::LoadFile(PACKAGE_DIR "/config/loop_closure.yaml");
-  mapping_common::Parameters shipped(toXmlRpc(file)), none(XmlRpc::XmlRpcValue{});
-  const LoopClosureParameters a = readLoopClosureParameters(shipped), b = readLoopClosureParameters(none);
-  EXPECT_NO_THROW(shipped.rejectUnknown());
-  std::size_t values = 0;
-  for (const auto& member : file) values += member.second.IsMap() ? member.second.size() : 1;
-  EXPECT_EQ(none.names().size(), values);  // all are in it
-  EXPECT_EQ(a.detector.delta, b.detector.delta);
-  EXPECT_EQ(a.detector.tracking_delta, b.detector.tracking_delta);
-  EXPECT_EQ(a.detector.beta, b.detector.beta);
-  EXPECT_EQ(a.detector.candidates, b.detector.candidates);
-  EXPECT_EQ(a.detector.features.max_features, b.detector.features.max_features);
-  EXPECT_EQ(a.detector.features.threshold, b.detector.features.threshold);
-  EXPECT_EQ(a.detector.features.size, b.detector.features.size);
-  EXPECT_EQ(a.detector.index.links, b.detector.index.links);
-  EXPECT_EQ(a.detector.index.insert_breadth, b.detector.index.insert_breadth);
-  EXPECT_EQ(a.detector.index.search_breadth, b.detector.index.search_breadth);
-  EXPECT_EQ(a.detector.geometry.max_features, b.detector.geometry.max_features);
-  EXPECT_EQ(a.detector.geometry.layout_tolerance, b.detector.geometry.layout_tolerance);
-  EXPECT_EQ(a.detector.geometry.min_inliers, b.detector.geometry.min_inliers);
-  EXPECT_EQ(a.detector.tracks.open_significance, b.detector.tracks.open_significance);
-  EXPECT_EQ(a.detector.geometry.min_overlap, b.detector.geometry.min_overlap);
-  EXPECT_EQ(a.detector.geometry.spot, b.detector.geometry.spot);
-  EXPECT_EQ(a.detector.stereo.uniqueness, b.detector.stereo.uniqueness);
-  EXPECT_EQ(a.detector.max_remaining, b.detector.max_remaining);
-  EXPECT_EQ(a.detector.verified, b.detector.verified);
-  EXPECT_EQ(a.detector.step, b.detector.step);
-  EXPECT_EQ(a.detector.tracks.memory, b.detector.tracks.memory);
-  EXPECT_EQ(a.key_frames.min_interval, b.key_frames.min_interval);
-  EXPECT_EQ(a.key_frames.min_difference, b.key_frames.min_difference);
-  EXPECT_EQ(a.fixed_frame, b.fixed_frame);
-  EXPECT_EQ(a.queue_size, b.queue_size);
-}
-
-TEST(Parameters, MethodSetsTheDefaults) {
-  XmlRpc::XmlRpcValue values;
-  values["method"] = "thesis";
-  values["features"]["threshold"] = 40;
-  mapping_common::Parameters p(values);
-  const LoopClosureParameters m = readLoopClosureParameters(p);
-  EXPECT_FALSE(m.detector.geometric_check);
-  EXPECT_EQ(IndexType::kLinear, m.detector.index.type);
-  EXPECT_EQ(Detector::kBrisk, m.detector.features.detector);
-  EXPECT_EQ(40, m.detector.features.threshold);
-}
-
-TEST(Parameters, DepthAndStereoExcludeEachOther) {
-  XmlRpc::XmlRpcValue values;
-  values["use_depth"] = true;
-  values["use_stereo"] = true;
-  mapping_common::Parameters p(values);
-  EXPECT_THROW(readLoopClosureParameters(p), std::invalid_argument);
-}
-
-TEST(Parameters, OutOfRangeAreRejectedByName) {
-  XmlRpc::XmlRpcValue values;
-  values["geometry"]["ratio"] = 2.0;
-  mapping_common::Parameters p(values);
-  try {
-    readLoopClosureParameters(p);
-    FAIL();
-  } catch (const std::invalid_argument& e) {
-    EXPECT_NE(std::string::npos, std::string(e.what()).find("~geometry/ratio is 2, allowed is 0.1 to 1"));
-  }
-}
 
 TEST(Camera, IsThatOfTheRectifiedImage) {
   sensor_msgs::CameraInfo info;

@@ -159,7 +159,7 @@ TEST(Stereo, RefusesAPairThatIsNone) {
   EXPECT_EQ(0, detector.images());
   StereoOptions options;
   options.window = 10;
-  EXPECT_THROW(options.validate(), std::invalid_argument);
+  EXPECT_THROW(mapping_common::validate(options), std::invalid_argument);
 }
 
 }  // namespace

@@ -75,6 +75,28 @@ TEST_P(VocabularyFiles, AreRefusedIfCorruptedAndNothingChanges) {
 
 INSTANTIATE_TEST_SUITE_P(Indices, VocabularyFiles, ::testing::Values(IndexType::kLinear, IndexType::kGraph));
 
+// The bytes of version 2 were written by the program that wrote that version.
+TEST(VocabularyFile, OfAnOlderVersionIsRead) {
+  VocabularyFile file = loadVocabulary(PACKAGE_DIR "/test/files/version2.vocabulary");
+  EXPECT_EQ(70, file.content.delta);
+  EXPECT_EQ(IndexType::kGraph, file.content.index.type);
+  EXPECT_TRUE(file.content.index.nearest);
+  EXPECT_EQ(24, file.content.index.search_breadth);
+  EXPECT_EQ(6u, file.content.words.size());
+  ASSERT_EQ(2u, file.content.image_words.size());
+  EXPECT_EQ((std::vector<int>{4, 5}), file.content.image_words[1]);
+  ASSERT_EQ(2u, file.views.size());
+  EXPECT_EQ(cv::Point2f(3.0f, 4.5f), file.views[0].features.points[1]);
+  EXPECT_EQ((std::vector<float>{1.0f, 0.0f}), file.views[1].depths);
+  const mapping_common::TempDir dir;
+  saveVocabulary(dir.path("v"), file);
+  const VocabularyFile again = loadVocabulary(dir.path("v"));
+  EXPECT_EQ(file.content.words, again.content.words);
+  EXPECT_EQ(file.content.links, again.content.links);
+  EXPECT_TRUE(mapping_common::same(file.content, again.content));
+  EXPECT_EQ(6u, Vocabulary::restore(std::move(file.content)).size());
+}
+
 TEST(VocabularyFile, WithoutFeaturesIsRefusedByTheGeometricCheck) {
   const mapping_common::TempDir dir;
   LoopDetectorOptions without;

@@ -88,11 +88,10 @@ bool parse(int argc, char** argv, Arguments& a) {
       ("old", with_default(&a.old_percent), "% of an image's words that were seen before")
       ("numbers", with_default(&a.numbers), "that a patch has: more make its words differ more")
       ("seed", with_default(&a.seed), "of the synthetic words")
-      ("links", with_default(&a.index.links), "of the index")
-      ("insert-breadth", with_default(&a.index.insert_breadth), "of the index")
-      ("search-breadth", with_default(&a.index.search_breadth), "of the index")
       ("file", with_default(&a.file), "written, read and removed");
   // clang-format on
+  for (const char* name : {"links", "insert_breadth", "search_breadth"})
+    mapping_common::addOption(options, name, a.index, name);
   po::variables_map values;
   po::store(po::parse_command_line(argc, argv, options), values);
   po::notify(values);
@@ -100,7 +99,6 @@ bool parse(int argc, char** argv, Arguments& a) {
     std::cout << kUsage << options;
     return false;
   }
-  a.index.validate();
   return true;
 }
 

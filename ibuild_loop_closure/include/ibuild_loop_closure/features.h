@@ -3,6 +3,8 @@
 // Key points and their BRISK descriptors (4.4.2), and what is matched between two images.
 #pragma once
 
+#include <mapping_common/options.h>
+
 #include <memory>
 #include <opencv2/core.hpp>
 #include <string>
@@ -25,25 +27,45 @@ struct Features {
   std::size_t size() const { return descriptors.size(); }
 };
 
-enum class Detector {
-  kBrisk,  ///< BRISK's own, the thesis's
-  kFast    ///< FAST corners of one scale, about ten times as fast
-};
+enum class Detector { kBrisk, kFast };
+constexpr auto choicesOf(Detector) {
+  return mapping_common::choices<Detector>(
+      {{"brisk", Detector::kBrisk, "BRISK's own, the thesis's"},
+       {"fast", Detector::kFast, "FAST corners of one scale, about ten times as fast"}});
+}
 
 struct FeatureOptions {
   Detector detector = Detector::kFast;
-  int threshold = 10;          ///< of the detector, grey values, 1 to 255
-  int octaves = 0;             ///< BRISK's, 0 to 8
-  float size = 12.0f;          ///< FAST: diameter of the key points, pixels; sets the scale of the descriptor
-  double pattern_scale = 1.0;  ///< of BRISK's sampling pattern
-  int max_features = 800;      ///< 0: all
-  bool spread = true;  ///< true: the strongest of each cell of a grid; false: the strongest of the image
-  int columns = 10, rows = 8;  ///< of that grid, 1 to 1000
-  bool equalize = false;       ///< contrast limited adaptive histogram equalization before all else
-  int min_width = 320;         ///< narrower images are scaled up to it, pixels; 0: never
-  int max_width = 800;         ///< wider images are scaled down to it, pixels; 0: never
-  /// @throws std::invalid_argument that names the option, its value and the allowed range
-  void validate() const;
+  int threshold = 10;
+  int octaves = 0;
+  double size = 12.0;
+  double pattern_scale = 1.0;
+  int max_features = 800;
+  bool spread = true;
+  int columns = 10, rows = 8;
+  bool equalize = false;
+  int min_width = 320;
+  int max_width = 800;
+
+  void describe(mapping_common::OptionList& o) {
+    o("detector", detector, "", "of key points");
+    o("threshold", threshold, "grey values", "of the detector: lower for dark or hazy scenes").within(1, 255);
+    o("octaves", octaves, "", "of brisk").within(0, 8);
+    o("size", size, "pixels", "fast: diameter of the key points; sets the scale of descriptors")
+        .within(1.0, 100.0);
+    o("pattern_scale", pattern_scale, "", "of BRISK's sampling pattern").within(0.1, 10.0);
+    o("max_features", max_features, "", "of an image, 0: all. Time grows with its square").within(0, 100000);
+    o("spread", spread, "", "true: the strongest of each part of the image; false: of the whole image");
+    o("columns", columns, "", "parts of the image for spread, across").within(1, 1000);
+    o("rows", rows, "", "and down").within(1, 1000);
+    o("equalize", equalize, "",
+      "true: evens out contrast first (contrast limited adaptive histogram equalization)");
+    o("min_width", min_width, "pixels", "narrower images are scaled up to it, 0: never. Small ones have few features")
+        .within(0, 10000);
+    o("max_width", max_width, "pixels",
+      "wider images are scaled down to it, 0: never. FAST corners have one scale, and wider images find less")
+        .within(0, 100000);
+  }
 };
 
 /// Grey, 8 bits; an image of 16 bits is scaled to its range.
@@ -53,7 +75,7 @@ cv::Mat toGrey(const cv::Mat& image);
 
 class FeatureExtractor {
  public:
-  /// @throws std::invalid_argument as FeatureOptions::validate
+  /// @throws std::invalid_argument where the options won't do
   explicit FeatureExtractor(const FeatureOptions& options = {});
   FeatureExtractor(FeatureExtractor&&) noexcept;
   FeatureExtractor& operator=(FeatureExtractor&&) noexcept;

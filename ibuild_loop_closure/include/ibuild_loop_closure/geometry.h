@@ -14,19 +14,39 @@
 namespace ibuild_loop_closure {
 
 struct GeometryOptions {
-  int max_features = 800;  ///< of an image, the first that were detected; fewer take less time and memory
-  int delta = 100;         ///< bits, features nearer than that may match, 1 to 512
-  double ratio = 0.9;      ///< of the nearest to the second nearest feature, at most
-  double layout_tolerance =
-      0.047;  ///< of the image's width: how far a match may be from where the layout has it
-  double epipolar_tolerance = 0.005;  ///< of the image's width: the same from its epipolar line
-  double spot = 0.008;       ///< of the image's width: features nearer to each other are evidence once
-  double min_overlap = 0.5;  ///< share of each image that the other must show, 0 to 1
-  double max_scale = 2.5;    ///< between the images, 1 to 100
-  int iterations = 100;      ///< of the search for the layout
-  int min_inliers = 12;      ///< of the epipolar geometry or of the pose, for an image to be verified
-  /// @throws std::invalid_argument that names the option, its value and the allowed range
-  void validate() const;
+  int max_features = 800;
+  int delta = 100;
+  double ratio = 0.9;
+  double layout_tolerance = 0.047, epipolar_tolerance = 0.005;
+  double spot = 0.008;
+  double min_overlap = 0.5;
+  double max_scale = 2.5;
+  int iterations = 100;
+  int min_inliers = 12;
+
+  void describe(mapping_common::OptionList& o) {
+    o("max_features", max_features, "",
+      "of an image that are kept, the first that were detected: 72 bytes each")
+        .within(8, 100000);
+    o("delta", delta, "bits", "features nearer than that may match").within(1, Descriptor::kBits);
+    o("ratio", ratio, "", "of the nearest to the second nearest feature, at most").within(0.1, 1.0);
+    o("layout_tolerance", layout_tolerance, "",
+      "of the image's width: how far features may be from where the layout has them; parallax")
+        .within(0.001, 0.5);
+    o("epipolar_tolerance", epipolar_tolerance, "",
+      "of the image's width: how far from their epipolar line or their projection")
+        .within(0.0001, 0.1);
+    o("spot", spot, "",
+      "of the image's width: features nearer to each other than that are evidence only once")
+        .within(0.0, 0.5);
+    o("min_overlap", min_overlap, "",
+      "share of each image that the other must show: views of one thing from far and near are no loop")
+        .within(0.0, 1.0);
+    o("max_scale", max_scale, "", "between the two images, at most").within(1.0, 100.0);
+    o("iterations", iterations, "", "of the search for the layout").within(1, 100000);
+    o("min_inliers", min_inliers, "", "of the epipolar geometry or of the pose, for a pair to be verified")
+        .within(8, 10000);
+  }
 };
 
 /// An image as far as geometry is concerned.

@@ -19,32 +19,66 @@
 namespace ibuild_loop_closure {
 
 struct LoopDetectorOptions {
-  FeatureOptions features;
-  int tracking_delta = 90;  ///< bits, features of consecutive images nearer than that are matched, 1 to 512
-  int delta = 70;           ///< bits, visual words nearer than that are the same, 1 to 512
-  IndexOptions index;
-  int beta = 10;                ///< the last images are no candidates; and temporal consistency, >= 1
-  double min_similarity = 0.0;  ///< of a loop, without the geometric check, 0 to 1
+  int delta = 70, tracking_delta = 90;
+  int beta = 10;
+  double min_similarity = 0.0;
 
   // Beyond the thesis.
-  bool grouping = true;  ///< a candidate's similarity is summed with that of its neighbours in time
+  bool grouping = true;
   bool geometric_check = true;
-  /// Of the image's width: an image whose features have moved by less since the last one counts for that part
-  /// of an image in beta, so that slow and fast cameras are treated alike; 0: each counts for one.
   double step = 0.005;
-  bool leave_first = true;  ///< with it: what has been in view ever since is no candidate
-  double max_remaining =
-      0.5;             ///< with leave_first: share of a loop's significance that images between may have
-  int candidates = 5;  ///< images that undergo the geometric check, >= 1
-  int verified = 4;    ///< of them, by significance, whose epipolar geometry or pose is sought
+  bool leave_first = true;
+  double max_remaining = 0.5;
+  int candidates = 5, verified = 4;
+
+  FeatureOptions features;
+  IndexOptions index;
   GeometryOptions geometry;
   StereoOptions stereo;
   TrackOptions tracks;
 
   /// The method of section 4.4 to the letter, with its exact linear search.
   static LoopDetectorOptions thesis();
-  /// @throws std::invalid_argument that names the option, its value and the allowed range
-  void validate() const;
+
+  void describe(mapping_common::OptionList& o) {
+    o("delta", delta, "bits",
+      "of 512, visual words nearer than that are the same: lower for images that hardly change, higher for "
+      "those that "
+      "change a lot. loop_closure_images --delta auto estimates it")
+        .within(1, Descriptor::kBits);
+    o("tracking_delta", tracking_delta, "bits", "features of consecutive images nearer than that are matched")
+        .within(1, Descriptor::kBits);
+    o("beta", beta, "",
+      "key frames: the last so many are no loops, and loops go on within so many of the last one")
+        .within(1, 1000000);
+    o("min_similarity", min_similarity, "", "of a loop, where there is no geometric check").within(0.0, 1.0);
+    o("grouping", grouping, "",
+      "true: the similarity of neighbouring key frames counts for a candidate, too");
+    o("geometric_check", geometric_check, "", "true: the positions of features must agree");
+    o("step", step, "",
+      "of the image's width: key frames whose features moved by less since the last count for part of one in "
+      "beta, so "
+      "that slow and fast cameras are treated alike. 0: each counts for one")
+        .within(0.0, 1.0);
+    o("leave_first", leave_first, "",
+      "with the geometric check: what has been in view ever since is no loop");
+    o("max_remaining", max_remaining, "",
+      "with leave_first: a loop's two images are more significantly alike than each is to some image between "
+      "them; "
+      "share of it that may remain there: less is safer")
+        .within(0.0, 1.0);
+    o("candidates", candidates, "",
+      "key frames that are checked, and as many again where loops go on: more find more")
+        .within(1, 10000);
+    o("verified", verified, "",
+      "of these, the most significant, whose epipolar geometry or pose is sought: takes time")
+        .within(1, 10000);
+    o.group("features", "", features);
+    o.group("index", "", index);
+    o.group("geometry", "", geometry);
+    o.group("stereo", "with use_stereo: how features are found in the right image", stereo);
+    o.group("tracks", "loops that follow each other", tracks);
+  }
 };
 
 /// That of a rectified stereo camera; the other one is the left image.
@@ -93,7 +127,7 @@ using StageDone = std::function<void(Stage)>;
 
 class LoopDetector {
  public:
-  /// @throws std::invalid_argument as LoopDetectorOptions::validate
+  /// @throws std::invalid_argument where the options won't do
   explicit LoopDetector(const LoopDetectorOptions& options = {});
 
   const LoopDetectorOptions& options() const { return options_; }

@@ -3,19 +3,31 @@
 // Depth of features from a rectified pair of images, at those features only.
 #pragma once
 
+#include <mapping_common/options.h>
+
 #include <opencv2/core.hpp>
 #include <vector>
 
 namespace ibuild_loop_closure {
 
 struct StereoOptions {
-  int window = 11;               ///< of the patch that is compared, pixels, odd, 5 to 63
-  double min_disparity = 1.0;    ///< pixels: nearer to 0, points are too far away for a depth
-  double max_disparity = 0.2;    ///< of the image's width, 0 to 1: nearer points aren't found
-  double uniqueness = 0.75;      ///< of the best patch's difference to the best elsewhere, at most, 0 to 1
-  double max_difference = 12.0;  ///< of two patches that match, grey values a pixel, contrast removed
-  /// @throws std::invalid_argument that names the option, its value and the allowed range
-  void validate() const;
+  int window = 11;
+  double min_disparity = 1.0, max_disparity = 0.2;
+  double uniqueness = 0.75;
+  double max_difference = 12.0;
+
+  void describe(mapping_common::OptionList& o) {
+    o("window", window, "pixels", "of the patch that is compared, odd").within(5, 63);
+    o("min_disparity", min_disparity, "pixels", "what is farther away than that has no depth")
+        .within(0.1, 1000.0);
+    o("max_disparity", max_disparity, "", "of the image's width: what is nearer than that is not found")
+        .within(0.001, 1.0);
+    o("uniqueness", uniqueness, "", "of the best patch's difference to the best elsewhere, at most")
+        .within(0.0, 1.0);
+    o("max_difference", max_difference, "grey values", "a pixel, of patches that match, contrast removed")
+        .within(0.0, 255.0);
+    o.require(window % 2 == 1, "window", "an odd number");
+  }
 };
 
 /// Searches each point's patch along its row of the right image, and what was found the other way round.

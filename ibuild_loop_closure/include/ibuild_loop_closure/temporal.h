@@ -3,6 +3,8 @@
 // What earlier loops say about the next one. Images are numbered; a loop is (query, match), match < query.
 #pragma once
 
+#include <mapping_common/options.h>
+
 #include <vector>
 
 namespace ibuild_loop_closure {
@@ -24,14 +26,24 @@ class TemporalConsistency {
 };
 
 struct TrackOptions {
-  double min_significance = 4.0;    ///< of a loop's layout, -log10 of false alarms, see GeometryResult
-  double open_significance = 60.0;  ///< of all verified loops of a track until its loops are accepted
-  int min_verified = 2;             ///< verified loops of a track until its loops are accepted
-  double memory = 0.75;  ///< a track's significance that is left after an image without a loop, 0 to 1
-  int backward = 2;      ///< images that the match may step back from one query to the next
-  int ahead = 4;  ///< images after an open track's last match that are candidates, whatever their words
-  /// @throws std::invalid_argument that names the option, its value and the allowed range
-  void validate() const;
+  double min_significance = 4.0, open_significance = 60.0;
+  int min_verified = 2;
+  double memory = 0.75;
+  int backward = 2, ahead = 4;
+
+  void describe(mapping_common::OptionList& o) {
+    o("min_significance", min_significance, "", "-log10 of the false alarms of a pair's layout, at least")
+        .within(0.0, 1e6);
+    o("open_significance", open_significance, "",
+      "of all verified pairs of a track until its loops are published: higher is safer, later")
+        .within(0.0, 1e6);
+    o("min_verified", min_verified, "", "verified pairs until then").within(0, 1000);
+    o("memory", memory, "", "share of a track's significance that is left after a key frame without a loop")
+        .within(0.0, 1.0);
+    o("backward", backward, "", "key frames that the match may step back by").within(0, 1000);
+    o("ahead", ahead, "", "key frames after the last match that are checked, whatever their words")
+        .within(0, 1000);
+  }
 };
 
 /// Loops that follow each other as in TemporalConsistency are a track. One image may deceive, several in a

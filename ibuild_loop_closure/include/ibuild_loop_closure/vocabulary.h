@@ -61,6 +61,11 @@ class Vocabulary {
     std::vector<Descriptor> words;
     std::vector<std::vector<int>> image_words;  ///< ascending
     std::vector<std::int32_t> links;            ///< GraphIndex::links, empty with another index
+
+    void describe(mapping_common::OptionList& o) {
+      o("delta", delta, "bits", "words nearer than that are the same").within(1, Descriptor::kBits);
+      o.group("index", "", index);
+    }
   };
   Content content() const;
   /// @throws std::runtime_error that says what is inconsistent; std::invalid_argument as the constructor

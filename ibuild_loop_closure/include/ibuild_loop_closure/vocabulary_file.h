@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
-// Vocabulary files, little endian: magic, version, delta and index options, words, the words of each image,
-// the index's links, the features of each image, a checksum of 64 bits of all before it.
+// Vocabulary files are archives (mapping_common/archive.h) of delta and the index's options, the words, the
+// words of each image, the index's links and the features of each image.
 #pragma once
 
 #include <string>

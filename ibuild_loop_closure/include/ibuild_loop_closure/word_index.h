@@ -3,6 +3,8 @@
 // Finds the word of a vocabulary that a descriptor is assigned to.
 #pragma once
 
+#include <mapping_common/options.h>
+
 #include <cstdint>
 #include <memory>
 #include <string>
@@ -12,19 +14,30 @@
 
 namespace ibuild_loop_closure {
 
-enum class IndexType {
-  kLinear,  ///< compares with every word, Fig. 4.9; exact
-  kGraph    ///< see graph_index.h (4.7.1): time grows about with the logarithm of the number of words
-};
+enum class IndexType { kLinear, kGraph };
+constexpr auto choicesOf(IndexType) {
+  return mapping_common::choices<IndexType>(
+      {{"linear", IndexType::kLinear, "compares with every word, Fig. 4.9; exact"},
+       {"graph", IndexType::kGraph, "time grows about with the logarithm of the number of words (4.7.1)"}});
+}
 
 struct IndexOptions {
   IndexType type = IndexType::kGraph;
-  bool nearest = true;      ///< linear: the nearest word under delta; false: the first, as in Fig. 4.9
-  int links = 24;           ///< graph: of a new word to others, 2 to 64; any word has at most twice as many
-  int insert_breadth = 24;  ///< graph: words among which a new word's links are chosen, 1 to 10000
-  int search_breadth = 24;  ///< graph: words that a look-up keeps in view, 1 to 10000: more find more
-  /// @throws std::invalid_argument that names the option, its value and the allowed range
-  void validate() const;
+  bool nearest = true;
+  int links = 24, insert_breadth = 24, search_breadth = 24;
+
+  void describe(mapping_common::OptionList& o) {
+    o("type", type, "", "how the word of a descriptor is found");
+    o("nearest", nearest, "", "linear: the nearest word under delta; false: the first, as in Fig. 4.9");
+    o("links", links, "",
+      "graph: of a new word to others; any word has at most twice as many. More find more and take more "
+      "memory")
+        .within(2, 64);
+    o("insert_breadth", insert_breadth, "", "graph: words among which a new word's links are chosen")
+        .within(1, 10000);
+    o("search_breadth", search_breadth, "", "graph: words that a look-up keeps in view: more find more")
+        .within(1, 10000);
+  }
 };
 
 struct FoundWord {
@@ -43,7 +56,7 @@ class WordIndex {
   virtual std::size_t size() const = 0;
 };
 
-/// @throws std::invalid_argument as IndexOptions::validate
+/// @throws std::invalid_argument where the options won't do
 std::unique_ptr<WordIndex> makeIndex(const IndexOptions& options);
 
 /// Fig. 4.9, or its nearest word.

@@ -3,7 +3,6 @@
 // Detects loop closures in the images of a camera. Everything happens in the nodelet's single-threaded
 // callback queue, so that nothing here needs a lock.
 #include <cv_bridge/cv_bridge.h>
-#include <ibuild_loop_closure/LoopClosureConfig.h>
 #include <image_transport/image_transport.h>
 #include <mapping_common/arrivals.h>
 #include <mapping_common/nodelet.h>
@@ -116,7 +115,6 @@ class LoopClosureNodelet : public mapping_common::Nodelet {
   void offerServices();
   std::string load(const std::string& path);
   void reset();
-  void reconfigure(const LoopClosureConfig& config);
   void report() override;
   void diagnoseInput(StatusWrapper& status);
   void diagnoseLoops(StatusWrapper& status);
@@ -157,7 +155,6 @@ void LoopClosureNodelet::start(mapping_common::Parameters& reader) {
   ros::NodeHandle& node = getNodeHandle();
   ros::NodeHandle& private_node = getPrivateNodeHandle();
   parameters_ = readLoopClosureParameters(reader);
-  rejectUnknown(reader, {"debug_image/"});
   mapping_common::requireOwnEnding(parameters_.save_on_shutdown);
 
   detector_ = std::make_unique<LoopDetector>(parameters_.detector);
@@ -169,13 +166,9 @@ void LoopClosureNodelet::start(mapping_common::Parameters& reader) {
   if (parameters_.debug_image) {
     debug_images_ = image_transport::ImageTransport(private_node).advertise("debug_image", 1);
   }
-  LoopClosureConfig config;
-  config.min_interval = parameters_.key_frames.min_interval;
-  config.min_distance = parameters_.key_frames.min_distance;
-  config.min_angle = parameters_.key_frames.min_angle;
-  config.min_difference = parameters_.key_frames.min_difference;
-  allowReconfiguration<LoopClosureConfig>(
-      config, [this](const LoopClosureConfig& changed, std::uint32_t) { reconfigure(changed); });
+  allowReconfiguration<LoopClosureParameters>(parameters_, [this](const LoopClosureParameters& changed) {
+    key_frames_.options = changed.key_frames;
+  });
 
   subscribe();
   offerServices();
@@ -370,14 +363,6 @@ void LoopClosureNodelet::reset() {
 }
 
 // ------------------------------------------------------------------------------------------- while it runs
-
-void LoopClosureNodelet::reconfigure(const LoopClosureConfig& config) {
-  KeyFrameOptions& options = key_frames_.options;
-  options.min_interval = config.min_interval;
-  options.min_distance = config.min_distance;
-  options.min_angle = config.min_angle;
-  options.min_difference = config.min_difference;
-}
 
 void LoopClosureNodelet::report() {
   Nodelet::report();

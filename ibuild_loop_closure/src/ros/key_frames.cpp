@@ -3,16 +3,7 @@
 
 #include <opencv2/imgproc.hpp>
 
-#include "../checks.h"
-
 namespace ibuild_loop_closure {
-
-void KeyFrameOptions::validate() const {
-  checkRange("min_interval", min_interval, 0.0, 1e6);
-  checkRange("min_distance", min_distance, 0.0, 1e6);
-  checkRange("min_angle", min_angle, 0.0, 3.15);
-  checkRange("min_difference", min_difference, 0.0, 255.0);
-}
 
 bool KeyFrameSelector::select(double stamp, const std::optional<Eigen::Isometry3d>& pose,
                               const cv::Mat& image) {

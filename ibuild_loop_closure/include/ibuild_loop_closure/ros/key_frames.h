@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <mapping_common/options.h>
+
 #include <Eigen/Geometry>
 #include <opencv2/core.hpp>
 #include <optional>
@@ -8,13 +10,22 @@
 namespace ibuild_loop_closure {
 
 struct KeyFrameOptions {
-  double min_interval = 0.5;    ///< s since the last key frame, 0: any
-  double min_distance = 0.0;    ///< m moved since then
-  double min_angle = 0.0;       ///< rad turned since then; distance or angle will do, both 0: any motion
-  double min_difference = 2.0;  ///< mean difference of grey values of small copies, 0 to 255; 0: any
+  double min_interval = 0.5;
+  double min_distance = 0.0, min_angle = 0.0;
+  double min_difference = 2.0;
   bool needsMotion() const { return min_distance > 0.0 || min_angle > 0.0; }
-  /// @throws std::invalid_argument that names the option, its value and the allowed range
-  void validate() const;
+
+  void describe(mapping_common::OptionList& o) {
+    o("min_interval", min_interval, "s", "since the last").within(0.0, 1e6).dynamic();
+    o("min_distance", min_distance, "m", "moved since the last, 0: any").within(0.0, 1e6).dynamic();
+    o("min_angle", min_angle, "rad", "turned since the last, in place of the distance, 0: any")
+        .within(0.0, 3.15)
+        .dynamic();
+    o("min_difference", min_difference, "grey values",
+      "mean difference from the last, of small copies: a standing camera is left out. 0: any")
+        .within(0.0, 255.0)
+        .dynamic();
+  }
 };
 
 /// Which images of a camera are compared: all conditions must hold.
