@@ -12,7 +12,6 @@
 #include <string>
 #include <vector>
 
-#include "check.h"
 #include "laser_intensity_calib/incidence.h"
 
 namespace laser_intensity_calib {
@@ -147,18 +146,9 @@ Eigen::ArrayXf cloudRanges(const Eigen::Matrix3Xf& points, const Eigen::Matrix3X
   return (points.colwise() - viewpoints.col(0)).colwise().norm();
 }
 
-void CloudIncidenceOptions::validate() const {
-  checkWithin("neighbors", neighbors, 4, 1000);
-  checkWithin("radius", radius, 1e-3, 1e3);
-  checkWithin("leaf", leaf, 0.0, 100.0);
-  checkWithin("rows", rows, 0, 100);
-  checkWithin("columns", columns, 1, 1000);
-  checkWithin("max_error", max_error * 180.0 / M_PI, 0.01, 90.0);
-}
-
 Eigen::ArrayXf cloudIncidence(const Eigen::Matrix3Xf& points, const Eigen::Matrix3Xf& viewpoints,
                               const CloudIncidenceOptions& options, Eigen::Index width) {
-  options.validate();
+  mapping_common::validate(options);
   checkViewpoints(points, viewpoints);
   if (width < 0 || (width > 0 && points.cols() % width != 0)) {
     throw std::invalid_argument(std::to_string(points.cols()) + " points, no whole rows of " +

@@ -7,7 +7,6 @@
 #include <stdexcept>
 #include <utility>
 
-#include "check.h"
 #include "delaunay.h"
 
 namespace laser_intensity_calib {
@@ -180,20 +179,8 @@ void rasterise(const std::array<Eigen::Vector3d, 3>& corner, const Axis& range, 
 
 }  // namespace
 
-void FitOptions::validate() const {
-  checkWithin("range_cell", range_cell, 1e-3, 100.0);
-  checkWithin("incidence_cell", incidence_cell / kRadians, 0.1, 90.0);
-  checkWithin("min_samples", min_samples, 1, 1000000);
-  checkWithin("max_edge", max_edge, 0.0, 1e6);
-  checkWithin("range_step", range_step, 1e-3, 100.0);
-  checkWithin("incidence_step", incidence_step / kRadians, 0.05, 45.0);
-  checkWithin("normal_incidence", normal_incidence / kRadians, 0.1, 90.0);
-  checkWithin("max_degree", max_degree, 0, 20);
-  checkWithin("folds", folds, 2, 100);
-}
-
 std::vector<Cell> sumUp(const std::vector<Sample>& samples, const FitOptions& options) {
-  options.validate();
+  mapping_common::validate(options);
   std::map<std::pair<int, int>, std::vector<const Sample*>> members;
   for (const Sample& s : samples) {
     if (!isUsable(s)) continue;
@@ -240,7 +227,7 @@ RangePolynomial fitPolynomial(const std::vector<Sample>& samples, int degree, co
 }
 
 LookupTable fitTable(const std::vector<Cell>& cells, const FitOptions& options) {
-  options.validate();
+  mapping_common::validate(options);
   std::vector<Eigen::Vector3d> points;  // range and angle in cells, intensity
   double max_range = 0.0, min_range = std::numeric_limits<double>::infinity(), max_incidence = 0.0;
   for (const Cell& cell : cells) {
@@ -283,7 +270,7 @@ LookupTable fitTable(const std::vector<Cell>& cells, const FitOptions& options) 
 }
 
 std::vector<float> fitOffsets(const std::vector<Sample>& samples, const FitOptions& options) {
-  options.validate();
+  mapping_common::validate(options);
   std::map<std::pair<int, int>, std::vector<const Sample*>> cells;
   std::map<int, std::size_t> counts;
   for (const Sample& s : samples) {
@@ -331,7 +318,7 @@ std::vector<float> fitOffsets(const std::vector<Sample>& samples, const FitOptio
 
 Calibration calibrate(const std::vector<Sample>& all, const FitOptions& options,
                       std::vector<std::string>* problems, const std::function<void(double)>& progress) {
-  options.validate();
+  mapping_common::validate(options);
   std::vector<float> offsets;  // few against the samples, so that cross-validation needn't fit them anew
   if (options.offsets) offsets = fitOffsets(all, options);
   const std::vector<Sample> samples = withoutOffsets(offsets, all);

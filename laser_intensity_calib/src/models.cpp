@@ -52,42 +52,7 @@ bool isWithin(const Axis& axis, float coordinate) {
   return coordinate >= axis.min - 0.5 * axis.step && coordinate <= axis.max() + 0.5 * axis.step;
 }
 
-template <class Enum, std::size_t N>
-Enum parse(const std::string& name, const std::array<Enum, N>& values, const std::string& what) {
-  std::string allowed;
-  for (const Enum value : values) {
-    if (name == toString(value)) return value;
-    allowed += (allowed.empty() ? "" : ", ") + std::string(toString(value));
-  }
-  throw std::invalid_argument(what + " is '" + name + "', allowed is " + allowed);
-}
-
 }  // namespace
-
-const char* toString(ModelType type) {
-  switch (type) {
-    case ModelType::kRaw:
-      return "raw";
-    case ModelType::kRange:
-      return "range";
-    case ModelType::kLut:
-      break;
-  }
-  return "lut";
-}
-
-ModelType parseModelType(const std::string& name) {
-  return parse(name, kModelTypes, "model");
-}
-
-const char* toString(OutsidePolicy policy) {
-  return policy == OutsidePolicy::kDrop ? "drop" : "clamp";
-}
-
-OutsidePolicy parseOutsidePolicy(const std::string& name) {
-  return parse(name, std::array<OutsidePolicy, 2>{OutsidePolicy::kDrop, OutsidePolicy::kClamp},
-               "what is done outside");
-}
 
 RangePolynomial::RangePolynomial(const Interval& range, std::vector<double> coefficients)
     : range_(range), coefficients_(std::move(coefficients)) {
@@ -200,7 +165,7 @@ Eigen::ArrayXf reflectivity(const Calibration& calibration, ModelType type, Outs
                                 " intensities, expected as many of each");
   }
   if (!calibration.has(type)) {
-    throw std::invalid_argument(std::string("the calibration has no model ") + toString(type));
+    throw std::invalid_argument("the calibration has no model " + toString(type));
   }
   Eigen::ArrayXf result = Eigen::ArrayXf::Constant(n, kNan);
   ReflectivityCounts c;

@@ -2,7 +2,6 @@
 #include <algorithm>
 #include <limits>
 
-#include "check.h"
 #include "laser_intensity_calib/incidence.h"
 
 namespace laser_intensity_calib {
@@ -47,17 +46,8 @@ Line fitLine(const Sums& sums, int count) {
 
 }  // namespace
 
-void ScanIncidenceOptions::validate() const {
-  checkWithin("min_window", min_window, 3, 1000);
-  checkWithin("min_length", min_length, 0.0, 100.0);
-  checkWithin("max_incidence", max_incidence / kRadians, 10.0, 89.9);
-  checkWithin("range_noise", range_noise, 0.0, 10.0);
-  checkWithin("max_error", max_error / kRadians, 0.01, 90.0);
-}
-
-ScanIncidence::ScanIncidence(const ScanIncidenceOptions& options) : options_(options) {
-  options_.validate();
-}
+ScanIncidence::ScanIncidence(const ScanIncidenceOptions& options)
+    : options_(mapping_common::validate(options)) {}
 
 // Runs of beams whose neighbours are no farther apart than on a surface at max_incidence (the adaptive
 // breakpoint detector of Borges and Aldon, 2004), and the sums that any window's covariance comes from.

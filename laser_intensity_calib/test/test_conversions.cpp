@@ -3,7 +3,6 @@
 // Messages to arrays and back, parameters, and the files that ship.
 #include <gtest/gtest.h>
 #include <mapping_common/testing/temp_dir.h>
-#include <yaml-cpp/yaml.h>
 
 #include <filesystem>
 
@@ -111,48 +110,6 @@ TEST(WithReflectivity, AddsAFieldAndKeepsTheRest) {
   EXPECT_FLOAT_EQ(0.5F, *sensor_msgs::PointCloud2ConstIterator<float>(twice, "reflectivity"));
   EXPECT_FLOAT_EQ(0.25F, *sensor_msgs::PointCloud2ConstIterator<float>(twice, "reflectivity_device"));
   EXPECT_THROW(withReflectivity(cloud, Eigen::ArrayXf::Zero(3)), std::invalid_argument);
-}
-
-XmlRpc::XmlRpcValue toXmlRpc(const YAML::Node& node) {
-  XmlRpc::XmlRpcValue value;
-  if (node.IsMap()) {
-    for (const auto& entry : node) value[entry.first.as<std::string>()] = toXmlRpc(entry.second);
-    return value;
-  }
-  int integer;
-  double number;
-  if (YAML::convert<int>::decode(node, integer)) return XmlRpc::XmlRpcValue(integer);
-  if (YAML::convert<double>::decode(node, number)) return XmlRpc::XmlRpcValue(number);
-  return XmlRpc::XmlRpcValue(node.as<std::string>());
-}
-
-TEST(Parameters, TheFileHasThemAllWithTheirDefaults) {
-  mapping_common::Parameters file(toXmlRpc(YAML::LoadFile(PACKAGE_DIR "/config/reflectivity.yaml")));
-  const ReflectivityParameters read = readReflectivityParameters(file);
-  EXPECT_NO_THROW(file.rejectUnknown());
-  mapping_common::Parameters none{XmlRpc::XmlRpcValue()};
-  const ReflectivityParameters defaults = readReflectivityParameters(none);
-  EXPECT_EQ(defaults.model, read.model);
-  EXPECT_EQ(defaults.outside, read.outside);
-  EXPECT_EQ(defaults.queue_size, read.queue_size);
-  EXPECT_EQ(defaults.scan.min_window, read.scan.min_window);
-  EXPECT_DOUBLE_EQ(defaults.scan.min_length, read.scan.min_length);
-  EXPECT_NEAR(defaults.scan.max_incidence, read.scan.max_incidence, 1e-12);
-  EXPECT_DOUBLE_EQ(defaults.scan.range_noise, read.scan.range_noise);
-  EXPECT_NEAR(defaults.scan.max_error, read.scan.max_error, 1e-12);
-  EXPECT_EQ(defaults.cloud.neighbors, read.cloud.neighbors);
-  EXPECT_DOUBLE_EQ(defaults.cloud.radius, read.cloud.radius);
-  EXPECT_DOUBLE_EQ(defaults.cloud.leaf, read.cloud.leaf);
-  EXPECT_EQ(defaults.cloud.rows, read.cloud.rows);
-  EXPECT_EQ(defaults.cloud.columns, read.cloud.columns);
-  EXPECT_NEAR(defaults.cloud.max_error, read.cloud.max_error, 1e-12);
-  const YAML::Node yaml = YAML::LoadFile(PACKAGE_DIR "/config/reflectivity.yaml");
-  for (const std::string& name : file.names()) {
-    YAML::Node node = YAML::Clone(yaml);
-    std::istringstream parts(name);
-    for (std::string part; std::getline(parts, part, '/');) node.reset(YAML::Node(node[part]));
-    EXPECT_TRUE(node.IsDefined()) << name << " isn't in the file";
-  }
 }
 
 TEST(Calibrations, ThoseThatShipCanBeRead) {

@@ -146,11 +146,9 @@ TEST(Reflectivity, RejectsWhatDoesNotFit) {
 }
 
 TEST(Names, AreReadAsWritten) {
-  for (const ModelType type : kModelTypes) EXPECT_EQ(type, parseModelType(toString(type)));
-  EXPECT_EQ(OutsidePolicy::kClamp, parseOutsidePolicy("clamp"));
-  EXPECT_EQ(OutsidePolicy::kDrop, parseOutsidePolicy("drop"));
-  EXPECT_THROW(parseModelType("lambert"), std::invalid_argument);
-  EXPECT_THROW(parseOutsidePolicy(""), std::invalid_argument);
+  for (const ModelType type : kModelTypes)
+    EXPECT_EQ(type, mapping_common::valueOf<ModelType>(toString(type)));
+  EXPECT_THROW(mapping_common::valueOf<ModelType>("lambert"), std::invalid_argument);
 }
 
 }  // namespace

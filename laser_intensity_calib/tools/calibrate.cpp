@@ -19,10 +19,9 @@
 
 namespace po = boost::program_options;
 using namespace laser_intensity_calib;
+using mapping_common::addOption;
 
 namespace {
-
-constexpr double kRadians = M_PI / 180.0;
 
 const char kUsage[] =
     "Usage: calibrate --bag FILE --topic TOPIC --out CALIBRATION.yaml [--report FOLDER] [options]\n"
@@ -80,51 +79,31 @@ void readRegion(const std::string& beams, const std::string& box, Region& region
 /// False if help was asked for and printed. Throws po::error or std::invalid_argument for wrong usage.
 bool parse(int argc, char** argv, Arguments& a) {
   std::string beams, box;
-  const auto with_default = [](auto* value) { return po::value(value)->default_value(*value); };
-  const auto degrees = [](double* radians) {
-    return po::value<double>()
-        ->default_value(std::round(*radians / kRadians * 100.0) / 100.0)
-        ->notifier([radians](double value) { *radians = value * kRadians; });
-  };
   po::options_description main("Options"), region("Reference surface"), normals("Normals"), fit("Models");
   main.add_options()("help,h", "print this")("bag", po::value(&a.bag)->required(), "recording")(
       "topic", po::value(&a.samples.topic)->required(), "LaserScan or PointCloud2 with intensities")(
       "out", po::value(&a.out)->required(), "calibration to write")("report", po::value(&a.report),
                                                                     "folder for figures and their data")(
       "scanner", po::value(&a.scanner), "its name, for file and figures; by default bag and topic")(
-      "reference", po::value(&a.reference)->default_value("white paper"), "the surface's name, for the same")(
-      "step", with_default(&a.samples.step), "use each N-th message");
+      "reference", po::value(&a.reference)->default_value("white paper"), "the surface's name, for the same");
+  addOption(main, "step", a.samples, "step");
   region.add_options()("beams", po::value(&beams), "FIRST:LAST beam of a scan that is on it")(
       "box", po::value(&box), "XMIN,YMIN,ZMIN,XMAX,YMAX,ZMAX it is in, m")(
       "frame", po::value(&a.samples.region.frame),
       "frame of the box, found by the bag's tf; by default that of the sensor")(
       "plane", po::bool_switch(&a.samples.region.plane),
-      "the largest plane (of a scan: straight line) is it")(
-      "plane-tolerance", with_default(&a.samples.region.plane_tolerance), "m, from the plane");
-  normals.add_options()(
-      "accumulate", with_default(&a.samples.accumulate),
-      "> 0: put N messages together in --frame: for scanners that sweep it by moving (push-broom)")(
-      "range-noise", with_default(&a.samples.scan.range_noise), "m, of the scanner")(
-      "min-window", with_default(&a.samples.scan.min_window),
-      "beams of a scan that a normal is estimated from")(
-      "min-length", with_default(&a.samples.scan.min_length), "m, along the scan that it is estimated over")(
-      "neighbors", with_default(&a.samples.cloud.neighbors),
-      "points of a cloud that a normal is estimated from")("radius", with_default(&a.samples.cloud.radius),
-                                                           "m, those farther away are left out")(
-      "leaf", with_default(&a.samples.cloud.leaf),
-      "m, voxels that a cloud is thinned to for normals; 0: not")(
-      "max-error", degrees(&a.samples.scan.max_error), "deg, samples with a less certain angle are left out");
+      "the largest plane (of a scan: straight line) is it");
+  addOption(region, "plane-tolerance", a.samples, "plane_tolerance");
+  addOption(normals, "accumulate", a.samples, "accumulate");
+  for (const char* name : {"range_noise", "min_window", "min_length"})
+    addOption(normals, name, a.samples.scan, name);
+  for (const char* name : {"neighbors", "radius", "leaf"}) addOption(normals, name, a.samples.cloud, name);
+  addOption(normals, "max-error", a.samples.scan, "max_error_deg");
   fit.add_options()("offsets", po::bool_switch(&a.fit.offsets),
-                    "of a cloud with the field ring: fit what each laser adds to its intensities")(
-      "range-cell", with_default(&a.fit.range_cell), "m, samples are summed up in cells")(
-      "incidence-cell", degrees(&a.fit.incidence_cell), "deg, the same")(
-      "min-samples", with_default(&a.fit.min_samples), "of a cell")(
-      "max-edge", with_default(&a.fit.max_edge), "cells, wider gaps aren't interpolated across; 0: all are")(
-      "range-step", with_default(&a.fit.range_step), "m, of the table")(
-      "incidence-step", degrees(&a.fit.incidence_step), "deg, of the table")(
-      "normal-incidence", degrees(&a.fit.normal_incidence), "deg, up to which the range model is fitted")(
-      "max-degree", with_default(&a.fit.max_degree), "of the range model's polynomial")(
-      "folds", with_default(&a.fit.folds), "of the cross-validation");
+                    "of a cloud with the field ring: fit what each laser adds to its intensities");
+  for (const char* name : {"range_cell", "incidence_cell", "min_samples", "max_edge", "range_step",
+                           "incidence_step", "normal_incidence", "max_degree", "folds"})
+    addOption(fit, name, a.fit, name);
   po::options_description all;
   all.add(main).add(region).add(normals).add(fit);
   po::variables_map values;
@@ -138,9 +117,8 @@ bool parse(int argc, char** argv, Arguments& a) {
   po::notify(values);
   a.samples.cloud.max_error = a.samples.scan.max_error;
   readRegion(beams, box, a.samples.region);
-  a.samples.scan.validate();
-  a.samples.cloud.validate();
-  a.fit.validate();
+  mapping_common::validate(a.samples);
+  mapping_common::validate(a.fit);
   return true;
 }
 

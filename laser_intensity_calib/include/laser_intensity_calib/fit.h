@@ -21,19 +21,30 @@ struct Sample {
 };
 
 struct FitOptions {
-  double range_cell = 0.1;                     ///< m, samples are summed up in cells of this size ...
-  double incidence_cell = 2.0 * M_PI / 180.0;  ///< rad, ... and this; the axes of the triangulation in cells
-  int min_samples = 5;                         ///< of a cell; those with fewer are left out
-  double max_edge = 0.0;                       ///< cells, longer triangles have no value; 0: no limit
-  double range_step = 0.05;                    ///< m, of the table
-  double incidence_step = 1.0 * M_PI / 180.0;  ///< rad, of the table
-  double normal_incidence = 15.0 * M_PI / 180.0;  ///< rad, the polynomial is fitted to samples up to this
-  int max_degree = 8;    ///< of the polynomial; the best by cross-validation is taken
-  int folds = 5;         ///< of the cross-validation
-  bool offsets = false;  ///< fit Calibration::offsets, for scanners of several lasers
+  double range_cell = 0.1, incidence_cell = 2.0 * M_PI / 180.0;
+  int min_samples = 5;
+  double max_edge = 0.0;
+  double range_step = 0.05, incidence_step = 1.0 * M_PI / 180.0;
+  double normal_incidence = 15.0 * M_PI / 180.0;
+  int max_degree = 8;
+  int folds = 5;
+  bool offsets = false;
 
-  /// @throws std::invalid_argument that names the option and what is allowed
-  void validate() const;
+  void describe(mapping_common::OptionList& o) {
+    o("range_cell", range_cell, "m", "samples are summed up in cells of this size").within(0.001, 100.0);
+    o("incidence_cell", incidence_cell, "deg", "and this").within(0.1, 90.0).inDegrees();
+    o("min_samples", min_samples, "", "of a cell; those with fewer are left out").within(1, 1000000);
+    o("max_edge", max_edge, "cells", "wider gaps aren't interpolated across; 0: all are").within(0.0, 1e6);
+    o("range_step", range_step, "m", "of the table").within(0.001, 100.0);
+    o("incidence_step", incidence_step, "deg", "of the table").within(0.05, 45.0).inDegrees();
+    o("normal_incidence", normal_incidence, "deg", "up to which the range model is fitted")
+        .within(0.1, 90.0)
+        .inDegrees();
+    o("max_degree", max_degree, "", "of the range model's polynomial; the best by cross-validation is taken")
+        .within(0, 20);
+    o("folds", folds, "", "of the cross-validation").within(2, 100);
+    o("offsets", offsets, "", "of a cloud with the field ring: fit what each laser adds to its intensities");
+  }
 };
 
 /// What the samples of a cell of range and angle come to.

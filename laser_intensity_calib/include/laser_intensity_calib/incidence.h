@@ -5,21 +5,38 @@
 // Where the neighbours don't tell it well enough, alpha is NaN.
 #pragma once
 
+#include <mapping_common/options.h>
+
 #include <Eigen/Core>
 #include <cmath>
 
 namespace laser_intensity_calib {
 
 struct ScanIncidenceOptions {
-  int min_window = 7;       ///< beams that a normal is estimated from, at least (>= 3) ...
-  double min_length = 0.2;  ///< m, ... and more where they are closer than this together: r dphi (n - 1)
-  double max_incidence =
-      85.0 * M_PI / 180.0;    ///< rad, neighbours on a steeper surface are taken to be on two
-  double range_noise = 0.02;  ///< m, standard deviation; a beam 3 times this off its surface is on none
-  double max_error = 5.0 * M_PI / 180.0;  ///< rad, NaN where the standard error of alpha is larger
+  int min_window = 7;
+  double min_length = 0.2;
+  double max_incidence = 85.0 * M_PI / 180.0;
+  double range_noise = 0.02;
+  double max_error = 5.0 * M_PI / 180.0;
 
-  /// @throws std::invalid_argument that names the option and what is allowed
-  void validate() const;
+  void describe(mapping_common::OptionList& o) {
+    o("min_window", min_window, "", "beams that a normal is estimated from, at least, and ...")
+        .within(3, 1000);
+    o("min_length", min_length, "m",
+      "... as many as span this length, r dphi (n - 1): more stand more noise, fewer see more detail")
+        .within(0.0, 100.0);
+    o("max_incidence_deg", max_incidence, "deg",
+      "neighbours that would be on a surface seen at more than this are on two surfaces")
+        .within(10.0, 89.9)
+        .inDegrees();
+    o("range_noise", range_noise, "m",
+      "standard deviation of a range: a beam 3 times this off its surface is on none")
+        .within(0.0, 10.0);
+    o("max_error_deg", max_error, "deg",
+      "where the standard error of the angle is larger, it counts as unknown")
+        .within(0.01, 90.0)
+        .inDegrees();
+  }
 };
 
 /// Incidence angles of planar scans, in O(n) for n beams: each beam gets the best of the windows that end,
@@ -47,16 +64,31 @@ class ScanIncidence {
 };
 
 struct CloudIncidenceOptions {
-  int neighbors = 12;   ///< nearest points that a normal is estimated from (>= 4)
-  double radius = 0.5;  ///< m, those farther away are left out
-  double leaf = 0.0;    ///< m, > 0: neighbours are the means of the points in voxels of this edge, so that
-                        ///< the close points of one ring of a lidar aren't all there is; 0: the points
-  int rows = 1;         ///< of an organised cloud, to each side: neighbours are taken from these ...
-  int columns = 3;      ///< ... rows and columns, which is faster than a search; rows 0: search all the same
-  double max_error = 5.0 * M_PI / 180.0;  ///< rad, NaN where the standard error of the normal is larger
+  int neighbors = 12;
+  double radius = 0.5;
+  double leaf = 0.0;
+  int rows = 1, columns = 3;
+  double max_error = 5.0 * M_PI / 180.0;
 
-  /// @throws std::invalid_argument that names the option and what is allowed
-  void validate() const;
+  void describe(mapping_common::OptionList& o) {
+    o("neighbors", neighbors, "", "nearest points that a normal is estimated from").within(4, 1000);
+    o("radius", radius, "m", "those farther away are left out").within(0.001, 1000.0);
+    o("leaf", leaf, "m",
+      "above 0: searched neighbours are means over voxels of this edge, for lidars whose rings are much "
+      "farther apart "
+      "than the points of a ring; 0: the points")
+        .within(0.0, 100.0);
+    o("rows", rows, "",
+      "organised clouds: neighbours are taken from so many rows and columns to each side, which is faster "
+      "than a "
+      "search; rows 0: search all the same")
+        .within(0, 100);
+    o("columns", columns, "", "the same").within(1, 1000);
+    o("max_error_deg", max_error, "deg",
+      "where the standard error of the normal is larger, the angle counts as unknown")
+        .within(0.01, 90.0)
+        .inDegrees();
+  }
 };
 
 /// Incidence angles of a cloud, whatever its order: of a single scan, or accumulated by a scanner that moves

@@ -4,6 +4,8 @@
 // (thesis, 3.3.2 and 3.5.1), and reflectivity as I_rec / I_ref (Eq. 3.5).
 #pragma once
 
+#include <mapping_common/options.h>
+
 #include <Eigen/Core>
 #include <array>
 #include <cmath>
@@ -14,26 +16,26 @@
 
 namespace laser_intensity_calib {
 
-enum class ModelType {
-  kRaw,    ///< a constant
-  kRange,  ///< a polynomial in the range
-  kLut,    ///< a table over range and angle of incidence
-};
+/// What intensity the reference surface would have.
+enum class ModelType { kRaw, kRange, kLut };
 constexpr std::array<ModelType, 3> kModelTypes = {ModelType::kRaw, ModelType::kRange, ModelType::kLut};
-
-const char* toString(ModelType type);
-/// @throws std::invalid_argument that says what is allowed
-ModelType parseModelType(const std::string& name);
+constexpr auto choicesOf(ModelType) {
+  return mapping_common::choices<ModelType>(
+      {{"raw", ModelType::kRaw, "a constant"},
+       {"range", ModelType::kRange, "a polynomial in the range"},
+       {"lut", ModelType::kLut, "a table over range and angle of incidence"}});
+}
+inline std::string toString(ModelType type) {
+  return mapping_common::nameOf(type);
+}
 
 /// What becomes of a measurement at a range or angle at which the reference surface wasn't seen.
-enum class OutsidePolicy {
-  kDrop,   ///< it has no reflectivity (NaN)
-  kClamp,  ///< it gets that of the nearest range and angle at which it was
-};
-
-const char* toString(OutsidePolicy policy);
-/// @throws std::invalid_argument that says what is allowed
-OutsidePolicy parseOutsidePolicy(const std::string& name);
+enum class OutsidePolicy { kDrop, kClamp };
+constexpr auto choicesOf(OutsidePolicy) {
+  return mapping_common::choices<OutsidePolicy>(
+      {{"drop", OutsidePolicy::kDrop, "it has no reflectivity (NaN)"},
+       {"clamp", OutsidePolicy::kClamp, "it gets that of the nearest range and angle at which it was"}});
+}
 
 /// The value of a model and whether the calibration covers the place. Outside, it is that of the nearest
 /// place inside.

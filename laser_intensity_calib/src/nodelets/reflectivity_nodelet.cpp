@@ -2,7 +2,6 @@
 //
 // Turns the intensities of scans and clouds into reflectivities, message by message. Everything happens in
 // the nodelet's single-threaded callback queue, so that nothing here needs a lock; nothing depends on time.
-#include <laser_intensity_calib/ReflectivityConfig.h>
 #include <mapping_common/arrivals.h>
 #include <mapping_common/nodelet.h>
 #include <ros/ros.h>
@@ -34,7 +33,7 @@ class ReflectivityNodelet : public mapping_common::Nodelet {
 
   void use(const std::string& file, ModelType model);
   void reload(std_srvs::Trigger::Response& response);
-  void reconfigure(const ReflectivityConfig& config);
+  void reconfigure(const ReflectivityParameters& changed);
   void report() override;
   void diagnose(StatusWrapper& status);
 
@@ -54,19 +53,14 @@ class ReflectivityNodelet : public mapping_common::Nodelet {
 
 void ReflectivityNodelet::start(mapping_common::Parameters& reader) {
   ros::NodeHandle& node = getNodeHandle();
-  parameters_ = readReflectivityParameters(reader);
-  rejectUnknown(reader);
+  reader.read(parameters_);
   drops_ = std::make_unique<mapping_common::Drops>(
       mapping_common::Drops::Options{getName(), "Dropped a message", "Dropped", {Arrivals::kMalformed}});
   scan_incidence_ = ScanIncidence(parameters_.scan);
   use(parameters_.calibration_file, parameters_.model);
 
-  ReflectivityConfig config;
-  config.calibration_file = parameters_.calibration_file;
-  config.model = toString(parameters_.model);
-  config.outside = toString(parameters_.outside);
-  allowReconfiguration<ReflectivityConfig>(
-      config, [this](const ReflectivityConfig& changed, std::uint32_t) { reconfigure(changed); });
+  allowReconfiguration<ReflectivityParameters>(
+      parameters_, [this](const ReflectivityParameters& changed) { reconfigure(changed); });
 
   scan_publisher_ = node.advertise<sensor_msgs::LaserScan>("scan_reflectivity", parameters_.queue_size);
   cloud_publisher_ = node.advertise<sensor_msgs::PointCloud2>("cloud_reflectivity", parameters_.queue_size);
@@ -148,13 +142,11 @@ void ReflectivityNodelet::reload(std_srvs::Trigger::Response& response) {
   }
 }
 
-void ReflectivityNodelet::reconfigure(const ReflectivityConfig& config) {
-  const ModelType model = parseModelType(config.model);
-  const OutsidePolicy outside = parseOutsidePolicy(config.outside);
-  if (config.calibration_file != parameters_.calibration_file || model != parameters_.model) {
-    use(config.calibration_file, model);
+void ReflectivityNodelet::reconfigure(const ReflectivityParameters& changed) {
+  if (changed.calibration_file != parameters_.calibration_file || changed.model != parameters_.model) {
+    use(changed.calibration_file, changed.model);
   }
-  parameters_.outside = outside;
+  parameters_.outside = changed.outside;
 }
 
 void ReflectivityNodelet::report() {

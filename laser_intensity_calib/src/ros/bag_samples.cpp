@@ -14,7 +14,6 @@
 #include <algorithm>
 #include <stdexcept>
 
-#include "../check.h"
 #include "laser_intensity_calib/ros/conversions.h"
 
 namespace laser_intensity_calib {
@@ -80,13 +79,10 @@ class Collector {
  public:
   Collector(const std::string& file, const BagSamplesOptions& options, BagSamplesReport& report)
       : options_(options), report_(report), scan_incidence_(options.scan) {
-    checkWithin("step", options.step, 1, 1000000);
-    checkWithin("accumulate", options.accumulate, 0, 1000000);
-    checkWithin("plane_tolerance", options.region.plane_tolerance, 1e-4, 10.0);
+    mapping_common::validate(options);
     if (options.accumulate > 0 && options.region.frame.empty()) {
       throw std::invalid_argument("to put messages together takes a frame that doesn't move with the sensor");
     }
-    options.cloud.validate();
     try {
       bag_.open(file, rosbag::bagmode::Read);
     } catch (const rosbag::BagException& e) {

@@ -85,13 +85,13 @@ void printJudgement(std::ostream& out, const JudgedSurfaces& surfaces) {
     if (surface.reflectivities.empty()) out << text("%-12s not covered\n", name.c_str());
     for (const auto& [type, values] : surface.reflectivities) {
       const double covered = static_cast<double>(values.size()) / static_cast<double>(surface.samples);
-      out << text("%-12s %-6s %9zu %6.1f %% %8.3f %7.1f %% %6d\n", name.c_str(), toString(type),
+      out << text("%-12s %-6s %9zu %6.1f %% %8.3f %7.1f %% %6d\n", name.c_str(), toString(type).c_str(),
                   values.size(), 100.0 * covered, mean(values), 100.0 * coefficientOfVariation(values),
                   modes(values));
     }
   }
   out << text("\n%-26s", "overlap of histograms");
-  for (const ModelType type : kModelTypes) out << text(" %8s", toString(type));
+  for (const ModelType type : kModelTypes) out << text(" %8s", toString(type).c_str());
   for (auto a = surfaces.begin(); a != surfaces.end(); ++a) {
     for (auto b = std::next(a); b != surfaces.end(); ++b) {
       out << text("\n%-12s  %-12s", a->first.c_str(), b->first.c_str());

@@ -78,22 +78,14 @@ bool parse(int argc, char** argv, Arguments& a) {
       "reference", po::value(&a.reference)->multitoken(), "surfaces that the models are fitted to")(
       "scans", po::value(&a.scans), "3D scans: NNNN.bin[.xz], PCD, UOS, or an OctoMap .graph file")(
       "train", with_default(&a.train), "share of the scans that the models are fitted to")(
-      "step", with_default(&a.step), "take each N-th scan")("range-cell", with_default(&a.fit.range_cell),
-                                                            "m, samples are summed up in cells")(
-      "normal-incidence", po::value<double>()->default_value(15.0)->notifier([&a](double degrees) {
-        a.fit.normal_incidence = degrees * M_PI / 180.0;
-      }),
-      "deg, up to which the range model is fitted")(
-      "max-edge", with_default(&a.fit.max_edge), "cells, wider gaps aren't interpolated across; 0: all are")(
-      "neighbors", with_default(&a.cloud.neighbors), "points that a normal is estimated from")(
-      "radius", with_default(&a.cloud.radius), "m, those farther away are left out")(
-      "leaf", with_default(&a.cloud.leaf), "m, voxels that a cloud is thinned to for normals; 0: not")(
+      "step", with_default(&a.step), "take each N-th scan")(
       "offsets", po::bool_switch(&a.fit.offsets), "of 3D scans: fit what each laser adds to its intensities")(
-      "incidence-cell", po::value<double>()->default_value(2.0)->notifier([&a](double degrees) {
-        a.fit.incidence_cell = degrees * M_PI / 180.0;
-      }),
-      "deg, the same")("save", po::value(&a.save), "write the calibration to this file")(
+      "save", po::value(&a.save), "write the calibration to this file")(
       "histograms", po::value(&a.histograms), "write them to this CSV file");
+  for (const char* name : {"range_cell", "incidence_cell", "normal_incidence", "max_edge"})
+    mapping_common::addOption(all, name, a.fit, name);
+  for (const char* name : {"neighbors", "radius", "leaf"})
+    mapping_common::addOption(all, name, a.cloud, name);
   po::variables_map values;
   po::store(po::parse_command_line(
                 argc, argv, all, po::command_line_style::unix_style ^ po::command_line_style::allow_guessing),
@@ -115,8 +107,8 @@ bool parse(int argc, char** argv, Arguments& a) {
   if (!a.scans.empty() && a.reference.empty()) a.reference = {"facades"};
   if (a.calibration.empty() && a.reference.empty()) throw po::error("--reference or --calibration is needed");
   a.fit.range_step = 0.5 * a.fit.range_cell;
-  a.fit.validate();
-  a.cloud.validate();
+  mapping_common::validate(a.fit);
+  mapping_common::validate(a.cloud);
   return true;
 }
 

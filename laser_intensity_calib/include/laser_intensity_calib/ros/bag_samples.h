@@ -31,6 +31,17 @@ struct BagSamplesOptions {
   int accumulate = 0;
   ScanIncidenceOptions scan;
   CloudIncidenceOptions cloud;
+
+  void describe(mapping_common::OptionList& o) {
+    o("step", step, "", "use each N-th message").within(1, 1000000);
+    o("accumulate", accumulate, "",
+      "above 0: put N messages together in the region's frame: for scanners that sweep it by moving "
+      "(push-broom)")
+        .within(0, 1000000);
+    o("plane_tolerance", region.plane_tolerance, "m", "from the plane").within(0.0001, 10.0);
+    o.group("scan", "", scan);
+    o.group("cloud", "", cloud);
+  }
 };
 
 /// What became of the messages and the beams.
