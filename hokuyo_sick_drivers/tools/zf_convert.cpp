@@ -2,6 +2,7 @@
 //
 // Converts terrestrial scans (E57, PTX, PTS, ASC) to PCD files or a bag.
 #include <mapping_common/files.h>
+#include <mapping_common/tool.h>
 #include <tf2_msgs/TFMessage.h>
 
 #include <atomic>
@@ -34,7 +35,7 @@ struct UsageError : std::runtime_error {
 };
 
 struct Arguments {
-  std::string in, out, scan = "all", intensity = "raw", offset = "auto", frame = "scanner", parent = "map";
+  std::string in, out, scan = "all", offset = "auto", frame = "scanner", parent = "map";
   std::string topic = "cloud";
   std::vector<double> limits;
   bool list = false, quiet = false, no_grid = false, apply_pose = false, ignore_checksums = false;
@@ -84,18 +85,9 @@ po::options_description describe(Arguments& a) {
   options.add_options()("help,h", "this text")                                                       //
       ("list,l", po::bool_switch(&a.list), "only say what is in the file")                           //
       ("scan", po::value(&a.scan)->default_value(a.scan), "which: a number from 1, a name, or all")  //
-      ("intensity", po::value(&a.intensity)->default_value(a.intensity),
-       "raw: as in the file; normalised: 0 to 1 by the file's limits or its format's convention; limits")  //
-      ("intensity-limits", po::value(&a.limits)->multitoken(), "MIN MAX that become 0 and 1")              //
-      ("voxel", po::value(&a.cloud.voxel)->default_value(0.0),
-       "edge of voxels (m) of which each becomes one point; "
-       "0: all points")  //
+      ("intensity-limits", po::value(&a.limits)->multitoken(), "MIN MAX that become 0 and 1")        //
       ("offset", po::value(&a.offset)->default_value(a.offset),
-       "taken off all points: auto (where they are beyond 10 km), none, or X,Y,Z")  //
-      ("columns", po::value(&a.reading.columns),
-       "PTS, ASC: of each column x y z i r g b (rf gf bf: colours from 0 to 1) or _ (others), -x turns the "
-       "sign; "
-       "default: as a header names them, or by their number")                                              //
+       "taken off all points: auto (where they are beyond 10 km), none, or X,Y,Z")                         //
       ("no-grid", po::bool_switch(&a.no_grid), "only the points that were measured, in the file's order")  //
       ("apply-pose", po::bool_switch(&a.apply_pose), "points in the registered frame")                     //
       ("ignore-checksums", po::bool_switch(&a.ignore_checksums), "E57: read damaged pages, too")           //
@@ -105,6 +97,8 @@ po::options_description describe(Arguments& a) {
       ("topic", po::value(&a.topic)->default_value(a.topic), "bag: topic of the clouds")                 //
       ("stamp", po::value(&a.stamp)->default_value(a.stamp), "bag: time (s) of the first scan; 0: now")  //
       ("quiet,q", po::bool_switch(&a.quiet), "no progress");
+  for (const char* name : {"intensity", "columns"}) mapping_common::addOption(options, name, a.reading, name);
+  mapping_common::addOption(options, "voxel", a.cloud, "voxel");
   return options;
 }
 
@@ -112,18 +106,12 @@ void check(Arguments& a) {
   if (!a.list && !endsWith(a.out, ".pcd") && !endsWith(a.out, ".bag")) {
     throw UsageError("OUT is \"" + a.out + "\", has to end with .pcd or .bag");
   }
-  if (a.intensity == "normalised") {
-    a.reading.intensity = IntensityScale::kNormalised;
-  } else if (a.intensity == "limits") {
+  if (a.reading.intensity == IntensityScale::kLimits) {
     if (a.limits.size() != 2 || !(a.limits[0] < a.limits[1])) {
       throw UsageError("--intensity limits takes --intensity-limits MIN MAX, the smaller one first");
     }
-    a.reading.intensity = IntensityScale::kLimits;
     a.reading.intensity_limits = {a.limits[0], a.limits[1]};
-  } else if (a.intensity != "raw") {
-    throw UsageError("--intensity is \"" + a.intensity + "\", allowed are raw, normalised and limits");
   }
-  if (!(a.cloud.voxel >= 0.0)) throw UsageError("--voxel has to be 0 or more");
   if (!(a.stamp >= 0.0 && a.stamp < 4e9)) throw UsageError("--stamp has to be 0 to 4e9");
   if (!parseOffset(a.offset, a.cloud)) {
     throw UsageError("--offset is \"" + a.offset + "\", allowed are auto, none and X,Y,Z");

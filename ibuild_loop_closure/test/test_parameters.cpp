@@ -17,7 +17,7 @@ TEST(Parameters, AreSoundAndDocumented) {
   mapping_common::expectSound<LoopClosureParameters>();
   mapping_common::expectDocumented<LoopClosureParameters>("ibuild_loop_closure/LoopClosureNodelet",
                                                           PACKAGE_DIR "/config/loop_closure.yaml",
-                                                          PACKAGE_DIR "/doc/parameters.md");
+                                                          PACKAGE_DIR "/docs/parameters.md");
 }
 
 TEST(Parameters, MethodSetsTheDefaults) {

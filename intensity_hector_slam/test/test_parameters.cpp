@@ -29,7 +29,7 @@ TEST(Parameters, AreSoundAndDocumented) {
   mapping_common::expectSound<SlamParameters>();
   mapping_common::expectDocumented<SlamParameters>(
       "intensity_hector_slam/SlamNodelet and of slam_bag", PACKAGE_DIR "/config/slam.yaml",
-      PACKAGE_DIR "/doc/parameters.md", "Names are those of hector_mapping where it has the like.");
+      PACKAGE_DIR "/docs/parameters.md", "Names are those of hector_mapping where it has the like.");
 }
 
 TEST(Parameters, OfOtherFilesThatShipAreRead) {

@@ -12,7 +12,7 @@ TEST(Parameters, AreSoundAndDocumented) {
   mapping_common::expectSound<ReflectivityParameters>();
   mapping_common::expectDocumented<ReflectivityParameters>("laser_intensity_calib/ReflectivityNodelet",
                                                            PACKAGE_DIR "/config/reflectivity.yaml",
-                                                           PACKAGE_DIR "/doc/parameters.md");
+                                                           PACKAGE_DIR "/docs/parameters.md");
 }
 
 TEST(Parameters, AreRejectedByName) {

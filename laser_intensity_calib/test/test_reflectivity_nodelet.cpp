@@ -328,9 +328,9 @@ TEST_F(ReflectivityNodelet, SaysWhichParameterIsBad) {
     setParam(parameter, good);
     return why;
   };
-  EXPECT_EQ("Not started: ~model is 'lambert', allowed is raw, range, lut", bad("model", "lambert", "lut"));
+  EXPECT_EQ("Not started: ~model is 'lambert', allowed is raw | range | lut", bad("model", "lambert", "lut"));
   EXPECT_EQ("Not started: ~scan/min_window is 2, allowed is 3 to 1000", bad("scan/min_window", 2, 7));
-  EXPECT_EQ("Not started: ~cloud/leaf is -1, allowed is 0 to 100", bad("cloud/leaf", -1.0, 0.0));
+  EXPECT_EQ("Not started: ~cloud/leaf is -1, allowed is 0 to 100 m", bad("cloud/leaf", -1.0, 0.0));
   EXPECT_EQ(0u, bad("calibration_file", "/nowhere/none.yaml", file_)
                     .find("Not started: ~calibration_file: /nowhere/none.yaml"));
   EXPECT_EQ(0u, bad("calibration_file", "", file_).find("Not started: ~calibration_file is empty"));

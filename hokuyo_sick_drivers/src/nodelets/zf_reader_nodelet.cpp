@@ -1,14 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
 // Publishes terrestrial scans from a file (E57, PTX, PTS, ASC). A thread reads, so that the manager goes on.
-#include <hokuyo_sick_drivers/ZfReaderConfig.h>
 #include <mapping_common/nodelet.h>
 #include <sensor_msgs/PointCloud2.h>
 #include <tf2_ros/static_transform_broadcaster.h>
 
 #include <chrono>
 #include <condition_variable>
-#include <limits>
 #include <memory>
 #include <mutex>
 #include <pluginlib/class_list_macros.hpp>
@@ -19,8 +17,8 @@
 
 #include "hokuyo_sick_drivers/zf/scan_cloud.h"
 #include "hokuyo_sick_drivers/zf/scan_file.h"
+#include "zf/ros/parameters.h"
 #include "zf/ros/scan_message.h"
-#include "zf/scan_choice.h"
 
 namespace hokuyo_sick_drivers {
 namespace {
@@ -53,7 +51,7 @@ class ZfReaderNodelet : public mapping_common::Nodelet {
  private:
   void start(mapping_common::Parameters& parameters) override;
   void readParameters(mapping_common::Parameters& parameters);
-  void reconfigure(const ZfReaderConfig& config);
+  void reconfigure(const ZfReaderParameters& changed);
 
   void run();
   [[noreturn]] void readAndPublish();
@@ -64,10 +62,7 @@ class ZfReaderNodelet : public mapping_common::Nodelet {
   void waitForLoop();
   void diagnose(StatusWrapper& status);
 
-  std::string file_, choice_, frame_id_, parent_frame_;
-  bool latch_ = true, publish_tf_ = true;
-  ReadOptions reading_;
-  CloudOptions cloud_options_;
+  ZfReaderParameters parameters_;  // rate and loop: with mutex_
 
   ros::Publisher publisher_;
   std::unique_ptr<tf2_ros::StaticTransformBroadcaster> broadcaster_;
@@ -75,7 +70,6 @@ class ZfReaderNodelet : public mapping_common::Nodelet {
   std::mutex mutex_;  // of all below
   std::condition_variable changed_;
   bool stop_ = false;
-  ZfReaderConfig config_;
   State state_;
 
   std::thread thread_;
@@ -92,68 +86,36 @@ ZfReaderNodelet::~ZfReaderNodelet() {
 
 void ZfReaderNodelet::start(mapping_common::Parameters& parameters) {
   readParameters(parameters);
-  publisher_ = getNodeHandle().advertise<sensor_msgs::PointCloud2>("cloud", 1, latch_);
+  publisher_ = getNodeHandle().advertise<sensor_msgs::PointCloud2>("cloud", 1, parameters_.latch);
   broadcaster_ = std::make_unique<tf2_ros::StaticTransformBroadcaster>();
-  allowReconfiguration<ZfReaderConfig>(
-      config_, [this](const ZfReaderConfig& config, std::uint32_t) { reconfigure(config); });
-  startDiagnostics(file_, {{"Scan file", [this](StatusWrapper& status) { diagnose(status); }}});
+  allowReconfiguration<ZfReaderParameters>(
+      parameters_, [this](const ZfReaderParameters& changed) { reconfigure(changed); });
+  startDiagnostics(parameters_.file, {{"Scan file", [this](StatusWrapper& status) { diagnose(status); }}});
   thread_ = std::thread([this] { run(); });
 }
 
 void ZfReaderNodelet::readParameters(mapping_common::Parameters& parameters) {
-  constexpr double kMax = std::numeric_limits<double>::max();
-  file_ = parameters.get<std::string>("file", "");
-  choice_ = parameters.get<std::string>("scan", "1");
-  frame_id_ = parameters.get<std::string>("frame_id", "scanner");
-  parent_frame_ = parameters.get<std::string>("parent_frame", "map");
-  publish_tf_ = parameters.get("publish_tf", true);
-  latch_ = parameters.get("latch", true);
-  config_.rate = parameters.get("rate", 1.0, 0.001, 100.0);
-  config_.loop = parameters.get("loop", false);
-  const std::string intensity = parameters.choice("intensity", "raw", {"raw", "normalised", "limits"});
-  reading_.intensity = intensity == "raw"          ? IntensityScale::kRaw
-                       : intensity == "normalised" ? IntensityScale::kNormalised
-                                                   : IntensityScale::kLimits;
-  reading_.intensity_limits.min = parameters.get("intensity_min", 0.0);
-  reading_.intensity_limits.max = parameters.get("intensity_max", 1.0);
-  reading_.columns = parameters.get<std::string>("columns", "");
-  reading_.verify_checksums = parameters.get("verify_checksums", true);
-  reading_.opening = [this](double done) {
+  parameters.read(parameters_);
+  if (parameters_.file.empty())
+    throw std::invalid_argument("~file is '', allowed is the path of a scan file");
+  parseOffset(parameters_.offset, parameters_.cloud);
+  parameters_.reading.opening = [this](double done) {
     const std::lock_guard<std::mutex> lock(mutex_);
     state_.progress = done;
     return !stop_;
   };
-  cloud_options_.voxel = parameters.get("voxel", 0.0, 0.0, kMax);
-  cloud_options_.grid = parameters.get("grid", true);
-  cloud_options_.apply_pose = parameters.get("apply_pose", false);
-  const std::string offset = parameters.get<std::string>("offset", "auto");
-  rejectUnknown(parameters);
-
-  if (file_.empty()) mapping_common::rejectParameter("file", "\"\"", "expected the path of a scan file");
-  if (frame_id_.empty()) mapping_common::rejectParameter("frame_id", "\"\"", "expected a frame");
-  if (publish_tf_ && (parent_frame_.empty() || parent_frame_ == frame_id_)) {
-    mapping_common::rejectParameter("parent_frame", '"' + parent_frame_ + '"',
-                                    "expected a frame other than ~frame_id");
-  }
-  if (!(reading_.intensity_limits.min < reading_.intensity_limits.max)) {
-    mapping_common::rejectParameter("intensity_max", reading_.intensity_limits.max,
-                                    "expected more than ~intensity_min");
-  }
-  if (!parseOffset(offset, cloud_options_)) {
-    mapping_common::rejectParameter("offset", '"' + offset + '"', "allowed is auto, none or \"X Y Z\"");
-  }
-  const auto source = openFile(file_);
+  const auto source = openFile(parameters_.file);
   try {
-    state_.format = toString(recogniseScanFile(*source, file_));
+    state_.format = toString(recogniseScanFile(*source, parameters_.file));
   } catch (const std::runtime_error& e) {
-    throw std::runtime_error(file_ + ' ' + e.what());
+    throw std::runtime_error(parameters_.file + ' ' + e.what());
   }
 }
 
-void ZfReaderNodelet::reconfigure(const ZfReaderConfig& config) {
+void ZfReaderNodelet::reconfigure(const ZfReaderParameters& changed) {
   {
     const std::lock_guard<std::mutex> lock(mutex_);
-    config_ = config;
+    mapping_common::copyDynamic(changed, parameters_);
   }
   changed_.notify_all();
 }
@@ -168,10 +130,10 @@ void ZfReaderNodelet::run() {
   } catch (const ReadStopped&) {
     return;
   } catch (const std::bad_alloc&) {
-    error = file_ + " takes more memory than there is: use ~voxel";
+    error = parameters_.file + " takes more memory than there is: use ~voxel";
   } catch (const std::exception& e) {
     error = e.what();
-    if (error.find(file_) != 0) error = file_ + ' ' + error;
+    if (error.find(parameters_.file) != 0) error = parameters_.file + ' ' + error;
   }
   NODELET_FATAL_STREAM("Stopped reading: " << error);
   const std::lock_guard<std::mutex> lock(mutex_);
@@ -179,8 +141,8 @@ void ZfReaderNodelet::run() {
 }
 
 void ZfReaderNodelet::readAndPublish() {
-  const auto reader = openScanFile(file_, reading_);
-  const std::vector<std::size_t> chosen = chooseScans(*reader, choice_);
+  const auto reader = openScanFile(parameters_.file, parameters_.reading);
+  const std::vector<std::size_t> chosen = chooseScans(*reader, parameters_.scan);
   {
     const std::lock_guard<std::mutex> lock(mutex_);
     state_.scans = reader->scans().size();
@@ -202,7 +164,7 @@ void ZfReaderNodelet::readAndPublish() {
 
 Scan ZfReaderNodelet::readScan(ScanFileReader& reader, std::size_t index, bool only_one) {
   const ScanInfo& info = reader.scans()[index];
-  CloudBuilder builder(info, cloud_options_);
+  CloudBuilder builder(info, parameters_.cloud);
   std::uint64_t points = 0;
   const ros::WallTime start = ros::WallTime::now();
   const bool whole = reader.read(index, [&](const std::vector<ScanPoint>& chunk, double done) {
@@ -220,15 +182,15 @@ Scan ZfReaderNodelet::readScan(ScanFileReader& reader, std::size_t index, bool o
   if (!whole) throw ReadStopped();
   ScanCloud cloud = builder.finish();
   const std::vector<std::string> warnings = reader.warnings();
-  for (const std::string& warning : warnings) NODELET_WARN_STREAM(file_ << ": " << warning);
+  for (const std::string& warning : warnings) NODELET_WARN_STREAM(parameters_.file << ": " << warning);
   NODELET_INFO_STREAM(info.name << ": " << cloud.points << " points, " << cloud.missing << " missing");
   if (!cloud.offset.isZero())
     NODELET_INFO_STREAM("Offset taken off the points: " << cloud.offset.transpose());
 
   Scan scan;
   std_msgs::Header header;
-  header.frame_id = frame_id_ + (only_one ? "" : '_' + std::to_string(index + 1));
-  scan.pose = toMessage(cloud.pose, header, parent_frame_);
+  header.frame_id = parameters_.frame_id + (only_one ? "" : '_' + std::to_string(index + 1));
+  scan.pose = toMessage(cloud.pose, header, parameters_.parent_frame);
   {
     const std::lock_guard<std::mutex> lock(mutex_);
     state_.points = cloud.points;
@@ -248,7 +210,7 @@ void ZfReaderNodelet::publish(Scan& scan) {
     scan.cloud = boost::make_shared<sensor_msgs::PointCloud2>(*scan.cloud);
   }
   scan.cloud->header.stamp = scan.pose.header.stamp = ros::Time::now();
-  if (publish_tf_) broadcaster_->sendTransform(scan.pose);
+  if (parameters_.publish_tf) broadcaster_->sendTransform(scan.pose);
   publisher_.publish(scan.cloud);
   const std::lock_guard<std::mutex> lock(mutex_);
   ++state_.published;
@@ -266,7 +228,7 @@ void ZfReaderNodelet::waitForSubscriber() {
 void ZfReaderNodelet::waitForNext() {
   std::unique_lock<std::mutex> lock(mutex_);
   const auto start = std::chrono::steady_clock::now();
-  const auto next = [&] { return start + std::chrono::duration<double>(1.0 / config_.rate); };
+  const auto next = [&] { return start + std::chrono::duration<double>(1.0 / parameters_.rate); };
   while (!stop_ && std::chrono::steady_clock::now() < next()) {
     changed_.wait_for(lock, next() - std::chrono::steady_clock::now());
   }
@@ -275,7 +237,7 @@ void ZfReaderNodelet::waitForNext() {
 
 void ZfReaderNodelet::waitForLoop() {
   std::unique_lock<std::mutex> lock(mutex_);
-  changed_.wait(lock, [this] { return stop_ || config_.loop; });
+  changed_.wait(lock, [this] { return stop_ || parameters_.loop; });
   if (stop_) throw ReadStopped();
 }
 

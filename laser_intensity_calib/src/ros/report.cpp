@@ -57,11 +57,11 @@ std::string describe(const Calibration& c, const Coverage& coverage) {
   for (const ModelType type : kModelTypes) {
     const Residuals& r = c.residuals[static_cast<int>(type)];
     if (!c.has(type)) continue;
-    std::snprintf(line, sizeof(line), "  %-32s %5.1f %%  %5.1f %%  %5.1f %%\n",
-                  type == ModelType::kRange
-                      ? ("range, degree " + std::to_string(c.polynomial.coefficients().size() - 1)).c_str()
-                      : toString(type),
-                  100.0 * r.rms, 100.0 * r.median, 100.0 * r.covered);
+    std::string name = toString(type);
+    if (type == ModelType::kRange)
+      name += ", degree " + std::to_string(c.polynomial.coefficients().size() - 1);
+    std::snprintf(line, sizeof(line), "  %-32s %5.1f %%  %5.1f %%  %5.1f %%\n", name.c_str(), 100.0 * r.rms,
+                  100.0 * r.median, 100.0 * r.covered);
     text << line;
   }
   if (!c.offsets.empty()) {

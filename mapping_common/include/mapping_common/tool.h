@@ -28,9 +28,13 @@ void addOption(boost::program_options::options_description& arguments, std::stri
   arguments.add_options()(
       flag.c_str(),
       po::value<std::string>()->default_value(option.word())->notifier([option](const std::string& word) {
-        Option changed = option;
-        changed.parse(word);
-        changed.check();
+        try {
+          Option changed = option;
+          changed.parse(word);
+          changed.check();
+        } catch (const std::invalid_argument& e) {
+          throw po::error(e.what());
+        }
       }),
       option.help().c_str());
 }

@@ -38,16 +38,27 @@ struct ScanCloud {
 struct CloudOptions {
   enum class Offset { kNone, kAutomatic, kGiven };
 
-  bool grid = true;         ///< keep it where there is one; missing points are NaN
-  bool apply_pose = false;  ///< points in the registered frame
+  bool grid = true;
+  bool apply_pose = false;
   /// Taken off before points become floats, which are coarser than 1 mm beyond 10 km. kAutomatic: where the
   /// first point is that far, its position rounded to kilometres.
   Offset offset_mode = Offset::kAutomatic;
   Eigen::Vector3d offset = Eigen::Vector3d::Zero();
-  double voxel =
-      0.0;  ///< m, edge of voxels of which each becomes the mean of its points; 0: none. Takes the grid away
+  double voxel = 0.0;
   /// A grid has no more cells than 64 times its points and these, lest a small file takes all memory.
   std::uint64_t sparse_cells = 4000000;
+
+  void describe(mapping_common::OptionList& o) {
+    o("apply_pose", apply_pose, "",
+      "true: points in the registered frame instead; the pose is then that of the offset alone");
+    o("voxel", voxel, "m",
+      "edge of voxels of which each becomes the mean of its points; takes the grid away. 0: all points")
+        .atLeast(0.0);
+    o("grid", grid, "",
+      "whether to keep the rows and columns of the scan where the file has them, with NaN where nothing was "
+      "measured; "
+      "false: only what was measured, in the file's order");
+  }
 };
 
 /// Takes no more memory than the cloud it builds, with voxels some 100 bytes for each.

@@ -4,6 +4,8 @@
 // E2807), PTX, PTS and ASCII points. Points are streamed: memory doesn't grow with the file.
 #pragma once
 
+#include <mapping_common/options.h>
+
 #include <Eigen/Geometry>
 #include <cstdint>
 #include <functional>
@@ -44,22 +46,34 @@ struct ScanPoint {
   std::uint32_t row = 0, column = 0;  ///< from 0; not checked against the size of the grid
 };
 
-enum class IntensityScale {
-  kRaw,         ///< the file's values
-  kNormalised,  ///< 0 to 1 by the limits the file tells, or else by its format's convention
-  kLimits,      ///< 0 to 1 by ReadOptions::intensity_limits
-};
+enum class IntensityScale { kRaw, kNormalised, kLimits };
+constexpr auto choicesOf(IntensityScale) {
+  return mapping_common::choices<IntensityScale>(
+      {{"raw", IntensityScale::kRaw, "the file's values"},
+       {"normalised", IntensityScale::kNormalised,
+        "0 to 1 by the file's limits, or by the convention of its format where it tells none"},
+       {"limits", IntensityScale::kLimits, "0 to 1 by those below"}});
+}
 
 struct ReadOptions {
   IntensityScale intensity = IntensityScale::kRaw;
   Limits intensity_limits{0.0, 1.0};
-  bool verify_checksums = true;  ///< E57. False: a damaged page is a warning
-  /// PTS and ASC: words of x y z, i, r g b (0 to 255) or rf gf bf (0 to 1), and _ for others, with - before x
-  /// y z to turn their sign; empty: as a header names them, or else by their number.
   std::string columns;
+  bool verify_checksums = true;
   /// Called from time to time while open() looks through the file, with the part that is done, 0 to 1.
   /// Where it returns false, open() throws ReadStopped.
   std::function<bool(double)> opening;
+
+  void describe(mapping_common::OptionList& o) {
+    o("intensity", intensity, "", "");
+    o("intensity_min", intensity_limits.min, "", "limits: value that becomes 0");
+    o("intensity_max", intensity_limits.max, "", "limits: value that becomes 1");
+    o("columns", columns, "",
+      "PTS, ASC: what the columns are, of x y z i r g b, _ for others, - before x y z to turn their sign, rf gf bf "
+      "for colours from 0 to 1, e.g. \"_ _ x -y z i\". Empty: as a header names them, or else by their number");
+    o("verify_checksums", verify_checksums, "", "E57: false: a damaged page is a warning, no error");
+    o.require(intensity_limits.min < intensity_limits.max, "intensity_max", "more than intensity_min");
+  }
 };
 
 struct ReadStopped : std::runtime_error {
