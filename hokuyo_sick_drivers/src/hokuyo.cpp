@@ -51,11 +51,11 @@ std::string Hokuyo::Status::trouble() const {
 
 Hokuyo::Hokuyo(const Options& options, const HokuyoSettings& settings, Events events)
     : options_(options), events_(std::move(events)), settings_(settings) {
-  settings.validate();
+  mapping_common::validate(settings);
 }
 
 void Hokuyo::configure(const HokuyoSettings& settings, Nanoseconds now) {
-  settings.validate();
+  mapping_common::validate(settings);
   if (geometry_) HokuyoRequest::make(settings, *geometry_);
   if (settings == settings_) return;
   settings_ = settings;

@@ -7,7 +7,6 @@
 #include <cstdio>
 #include <limits>
 #include <stdexcept>
-#include <tuple>
 
 namespace hokuyo_sick_drivers {
 namespace {
@@ -32,26 +31,6 @@ int number(const scip::KeyValues& reply, const std::string& key, int min, int ma
 }
 
 }  // namespace
-
-bool HokuyoSettings::operator==(const HokuyoSettings& other) const {
-  const auto all = [](const HokuyoSettings& s) {
-    return std::tie(s.angle_min, s.angle_max, s.cluster, s.skip, s.intensity, s.multi_echo);
-  };
-  return all(*this) == all(other);
-}
-
-void HokuyoSettings::validate() const {
-  if (!(angle_min < angle_max) || std::isinf(angle_min) || std::isinf(angle_max)) {
-    throw std::invalid_argument("angle_min is " + std::to_string(angle_min) +
-                                ", allowed is less than angle_max, " + std::to_string(angle_max));
-  }
-  if (cluster < 1 || cluster > 99) {
-    throw std::invalid_argument("cluster is " + std::to_string(cluster) + ", allowed is 1 to 99");
-  }
-  if (skip < 0 || skip > 9) {
-    throw std::invalid_argument("skip is " + std::to_string(skip) + ", allowed is 0 to 9");
-  }
-}
 
 HokuyoGeometry HokuyoGeometry::parse(const scip::KeyValues& reply) {
   if (reply.bad_sums > 0 || reply.bad_lines > 0)

@@ -89,7 +89,7 @@ TEST_F(SickNodelet, RefusesAMisspeltParameter) {
 
 TEST_F(SickNodelet, RefusesAnUnknownWord) {
   setParam("intensity", std::string("loud"));
-  expectRefused("~intensity is 'loud', allowed is none, normalised, direct");
+  expectRefused("~intensity is 'loud', allowed is none | normalised | direct");
 }
 
 TEST_F(SickNodelet, RefusesWhatDoesNotFitInATelegram) {

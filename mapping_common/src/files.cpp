@@ -49,11 +49,12 @@ std::string readFile(const std::string& path) {
   const int file = open(path.c_str(), O_RDONLY | O_CLOEXEC);
   if (file < 0) fail(path, "can't be opened", errno);
   struct stat status {};
-  std::string bytes(fstat(file, &status) == 0 && status.st_size > 0 ? status.st_size : 0, '\0');
+  // One byte more than it says it has, which tells that there is no more.
+  std::string bytes(fstat(file, &status) == 0 ? static_cast<std::size_t>(status.st_size) + 1 : 4096, '\0');
   std::size_t size = 0;
   ssize_t count = 0;
   do {
-    if (size == bytes.size()) bytes.resize(size + 4096);  // whether there is more than it said
+    if (size == bytes.size()) bytes.resize(2 * size);
     count = read(file, &bytes[size], bytes.size() - size);
     if (count > 0) size += static_cast<std::size_t>(count);
   } while (count > 0 || (count < 0 && errno == EINTR));

@@ -45,11 +45,6 @@ void Nodelet::onInit() {
   }
 }
 
-void Nodelet::rejectUnknown(const Parameters& parameters, std::vector<std::string> except) const {
-  except.push_back("reconfigure/");
-  parameters.rejectUnknown(except);
-}
-
 void Nodelet::startDiagnostics(
     const std::string& hardware_id,
     const std::vector<std::pair<std::string, std::function<void(StatusWrapper&)>>>& reports) {

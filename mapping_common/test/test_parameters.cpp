@@ -1,76 +1,74 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <gtest/gtest.h>
 
-#include <functional>
-
 #include "mapping_common/parameters.h"
-#include "mapping_common/testing/temp_dir.h"
 
 namespace mapping_common {
 namespace {
 
-using XmlRpc::XmlRpcValue;
+struct Options {
+  int rate = 1;
+  double scale = 1.0;
+  std::string name, number;
+  bool on = false;
+  void describe(OptionList& o) {
+    o("rate", rate, "Hz", "").within(1, 50);
+    o("model/scale", scale, "", "");
+    o("name", name, "", "");
+    o("number", number, "", "");
+    o("on", on, "", "");
+  }
+};
 
-Parameters make() {
-  XmlRpcValue all;
+XmlRpc::XmlRpcValue make() {
+  XmlRpc::XmlRpcValue all;
   all["rate"] = 40;
   all["name"] = std::string("front");
-  all["model"]["range"] = 30.5;
+  all["number"] = 7;  // roslaunch makes numbers of what looks like one
+  all["model"]["scale"] = 2;
   all["on"] = true;
-  return Parameters(all);
+  all["reconfigure"]["rate"] = 3;
+  return all;
 }
 
-std::string rejection(const std::function<void()>& call) {
+std::string rejection(const XmlRpc::XmlRpcValue& all) {
+  Options options;
   try {
-    call();
+    Parameters(all).read(options);
   } catch (const std::invalid_argument& e) {
+    EXPECT_EQ(1, options.rate);
     return e.what();
   }
   return "";
 }
 
-TEST(Parameters, ValuesAndFallbacks) {
-  Parameters p = make();
-  EXPECT_EQ(40, p.get("rate", 1));
-  EXPECT_EQ(40.0, p.get("rate", 1.0));  // an integer is a number
-  EXPECT_EQ(30.5, p.get("model/range", 1.0, 0.0, 100.0));
-  EXPECT_TRUE(p.get("on", false));
-  EXPECT_EQ("front", p.choice("name", "rear", {"front", "rear"}));
-  EXPECT_EQ("40", p.get("rate", std::string()));  // roslaunch makes numbers of what looks like one
-  EXPECT_EQ("x", p.get("other", std::string("x")));
+TEST(Parameters, AreRead) {
+  Options options;
+  Parameters(make()).read(options);
+  EXPECT_EQ(40, options.rate);
+  EXPECT_EQ(2.0, options.scale);
+  EXPECT_EQ("front", options.name);
+  EXPECT_EQ("7", options.number);
+  EXPECT_TRUE(options.on);
+  Parameters(XmlRpc::XmlRpcValue()).read(options);
+  EXPECT_EQ(40, options.rate);
 }
 
-TEST(Parameters, RejectionsNameParameterValueAndWhatIsAllowed) {
-  Parameters p = make();
-  EXPECT_TRUE(mentions(rejection([&] { p.get("model/range", 1.0, 0.0, 30.0); }),
-                       {"~model/range", "30.5", "0 to 30"}));
-  EXPECT_TRUE(mentions(rejection([&] { p.get("name", 1); }), {"~name", "front", "an integer"}));
-  EXPECT_TRUE(mentions(rejection([&] { p.choice("name", "a", {"a", "b"}); }), {"~name", "'front'", "a, b"}));
-}
-
-TEST(Parameters, UnknownOnesAreRejected) {
-  Parameters p = make();
-  p.get("rate", 1);
-  p.get("name", std::string());
-  EXPECT_TRUE(mentions(rejection([&] { p.rejectUnknown({"model/"}); }), {"unknown: ~on;", "~name, ~rate"}));
-  EXPECT_EQ("", rejection([&] { p.rejectUnknown({"model/", "on"}); }));
-}
-
-TEST(Parameters, MisspeltOnesAreGuessed) {
-  XmlRpc::XmlRpcValue all;
-  all["robust_kernal"] = "cauchy";
-  all["odometry"] = true;
-  Parameters p(all);
-  p.get("robust_kernel", std::string());
-  p.get("robust_scale", 1.0);
-  EXPECT_TRUE(mentions(rejection([&] { p.rejectUnknown(); }),
-                       {"unknown: ~odometry, ~robust_kernal (~robust_kernel?);"}));
+TEST(Parameters, AreRejectedByName) {
+  auto all = make();
+  all["rate"] = 60;
+  EXPECT_EQ("~rate is 60, allowed is 1 to 50 Hz", rejection(all));
+  all = make();
+  all["model"]["scale"] = std::string("wide");
+  EXPECT_EQ("~model/scale is 'wide', expected is a number", rejection(all));
+  all = make();
+  all["name"][0] = 1;
+  EXPECT_EQ("~name is a list, expected is a string", rejection(all));
+  all = make();
+  all["model"]["scales"] = 1.0;
+  EXPECT_EQ("unknown: ~model/scales (~model/scale?); there are ~model/scale, ~name, ~number, ~on, ~rate",
+            rejection(all));
 }
 
 }  // namespace
 }  // namespace mapping_common
-
-int main(int argc, char** argv) {
-  testing::InitGoogleTest(&argc, argv);
-  return RUN_ALL_TESTS();
-}

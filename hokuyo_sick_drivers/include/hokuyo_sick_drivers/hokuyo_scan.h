@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <mapping_common/options.h>
+
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -12,15 +14,31 @@ namespace hokuyo_sick_drivers {
 
 /// What to measure; may change at any time.
 struct HokuyoSettings {
-  double angle_min = -3.141592653589793,
-         angle_max = 3.141592653589793;  ///< rad, 0 is ahead, to the left is positive
-  int cluster = 1;  ///< 1 to 99 neighbouring steps that are made one ray: the nearest of them
-  int skip = 0;     ///< 0 to 9 scans left out after each
+  double angle_min = -3.1416, angle_max = 3.1416;
+  int cluster = 1, skip = 0;
   bool intensity = true, multi_echo = false;
 
-  bool operator==(const HokuyoSettings& other) const;
-  /// @throws std::invalid_argument
-  void validate() const;
+  bool operator==(const HokuyoSettings& other) const { return mapping_common::same(*this, other); }
+
+  void describe(mapping_common::OptionList& o) {
+    o("angle_min", angle_min, "rad",
+      "rays lie from here on, as far as the scanner sees; 0 is ahead, to the left is positive")
+        .within(-3.1416, 3.1416)
+        .dynamic();
+    o("angle_max", angle_max, "rad", "and up to here").within(-3.1416, 3.1416).dynamic();
+    o("cluster", cluster, "",
+      "neighbouring steps are made one ray in their middle, with the distance of the nearest. Old UTM-30LX "
+      "firmware may "
+      "stop when asked for intensities over more than 95 degrees with a cluster of 1")
+        .within(1, 99)
+        .dynamic();
+    o("skip", skip, "", "scans are left out after each").within(0, 9).dynamic();
+    o("publish_intensity", intensity, "",
+      "measures intensities. Where the scanner refuses, it goes on without until the next connection")
+        .dynamic();
+    o("publish_multiecho", multi_echo, "", "measures up to three echoes per ray, the same way").dynamic();
+    o.require(angle_min < angle_max, "angle_min", "less than angle_max");
+  }
 };
 
 /// Reply to PP: how the device counts.

@@ -42,6 +42,20 @@ struct LmsOptions {
   void check() const;
 };
 
+constexpr auto choicesOf(LmsOptions::Intensity) {
+  using Intensity = LmsOptions::Intensity;
+  return mapping_common::choices<Intensity>({{"none", Intensity::kNone, "ranges alone"},
+                                             {"normalised", Intensity::kNormalised, "measuring mode 0Dh"},
+                                             {"direct", Intensity::kDirect, "measuring mode 0Eh"}});
+}
+constexpr auto choicesOf(LmsOptions::IntensityRange) {
+  using Range = LmsOptions::IntensityRange;
+  return mapping_common::choices<Range>(
+      {{"plain", Range::kPlain, "16 bits, of which 8183 and up are no range"},
+       {"flags", Range::kFlags, "13 bits and 3 flags"},
+       {"16_bit", Range::kSixteen, "65527 and up are no range"}});
+}
+
 /// What a driver knows of its device.
 struct LmsReport {
   enum class Phase { kNoPort, kSearching, kSettingUp, kStreaming, kStopping };

@@ -5,6 +5,8 @@
 // and MIT's DARPA Urban Challenge team follow it.
 #pragma once
 
+#include <mapping_common/options.h>
+
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -105,6 +107,11 @@ struct DecodeError : std::runtime_error {
 };
 
 enum class Unit : std::uint8_t { kCentimetre = 0, kMillimetre = 1, kDecimetre = 2 };
+/// Those that a device can be set to.
+constexpr auto choicesOf(Unit) {
+  return mapping_common::choices<Unit>(
+      {{"cm", Unit::kCentimetre, "up to 81 m"}, {"mm", Unit::kMillimetre, "up to 8 m"}});
+}
 /// m
 double toMetres(Unit unit);
 

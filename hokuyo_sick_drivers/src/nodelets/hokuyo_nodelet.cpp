@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
 // Publishes the scans of a Hokuyo.
-#include <hokuyo_sick_drivers/HokuyoConfig.h>
 #include <ros/ros.h>
 #include <sensor_msgs/LaserScan.h>
 #include <sensor_msgs/MultiEchoLaserScan.h>
@@ -18,26 +17,14 @@
 #include <vector>
 
 #include "device_nodelet.h"
-#include "hokuyo_sick_drivers/hokuyo.h"
+#include "hokuyo_parameters.h"
 
 namespace hokuyo_sick_drivers {
 namespace {
 
-const std::vector<int> kBaudRates = {19200, 38400, 57600, 115200, 250000, 500000, 750000};
 constexpr std::size_t kQueueSize = 20;
 constexpr Nanoseconds kSayAgain = 30 * kSecond;
 const ros::WallDuration kStatusTimeout(5.0);
-
-HokuyoSettings toSettings(const HokuyoConfig& config) {
-  HokuyoSettings settings;
-  settings.angle_min = config.angle_min;
-  settings.angle_max = config.angle_max;
-  settings.cluster = config.cluster;
-  settings.skip = config.skip;
-  settings.intensity = config.publish_intensity;
-  settings.multi_echo = config.publish_multiecho;
-  return settings;
-}
 
 template <class Message>
 boost::shared_ptr<Message> makeMessage(const HokuyoScan& scan, const std_msgs::Header& header) {
@@ -80,7 +67,6 @@ class HokuyoNodelet : public DeviceNodelet {
 
  private:
   void start(mapping_common::Parameters& parameters) override;
-  Endpoint readParameters(mapping_common::Parameters& parameters, Hokuyo::Options& options);
 
   void publish(const HokuyoScan& scan);
   void say(Hokuyo::Level level, const std::string& text);
@@ -90,14 +76,12 @@ class HokuyoNodelet : public DeviceNodelet {
   void diagnoseDevice(StatusWrapper& status);
   void diagnoseScans(StatusWrapper& status);
 
-  double tolerance_ = 0.0, window_ = 0.0;  // of the scans' rate
-
   ros::Publisher scan_publisher_, echoes_publisher_;
   std::map<Echo, ros::Publisher> echo_publishers_;
   ros::ServiceServer status_service_;
 
   // Of the connection's thread, once that runs.
-  HokuyoConfig config_;
+  HokuyoParameters parameters_;
   std::map<std::string, Nanoseconds> said_;
   Hokuyo::Status status_;  // as it is reported
   HokuyoFaults reported_faults_{};
@@ -106,9 +90,8 @@ class HokuyoNodelet : public DeviceNodelet {
 };
 
 void HokuyoNodelet::start(mapping_common::Parameters& parameters) {
-  Hokuyo::Options options;
-  const Endpoint endpoint = readParameters(parameters, options);
-  rejectUnknown(parameters);
+  parameters.read(parameters_);
+  const Endpoint endpoint = parameters_.endpoint();
 
   scan_publisher_ = getNodeHandle().advertise<sensor_msgs::LaserScan>("scan", kQueueSize);
   // Beside the nodelet, so that those of several scanners don't mix.
@@ -119,67 +102,33 @@ void HokuyoNodelet::start(mapping_common::Parameters& parameters) {
   echo_publishers_[Echo::kMostIntense] = own.advertise<sensor_msgs::LaserScan>("most_intense", kQueueSize);
 
   hokuyo_ = std::make_unique<Hokuyo>(
-      options, toSettings(config_),
+      parameters_.options(), parameters_.settings,
       Hokuyo::Events{[this](const HokuyoScan& scan) { publish(scan); },
                      [this](Hokuyo::Level level, const std::string& text) { say(level, text); }});
   startDiagnostics(endpoint.name(),
                    {{"Hardware Status", [this](StatusWrapper& status) { diagnoseDevice(status); }},
                     {"Scans", [this](StatusWrapper& status) { diagnoseScans(status); }}});
-  const HokuyoConfig config = config_;
+  const HokuyoParameters at_start = parameters_;
   connect(endpoint, *hokuyo_, {});
-  allowReconfiguration<HokuyoConfig>(
-      config,
-      [this](const HokuyoConfig& changed, std::uint32_t) {
+  allowReconfiguration<HokuyoParameters>(
+      at_start,
+      [this](const HokuyoParameters& changed) {
         ask([this, changed](Nanoseconds now) {
-          hokuyo_->configure(toSettings(changed), now);
-          config_ = changed;
+          hokuyo_->configure(changed.settings, now);
+          parameters_ = changed;
         });
       },
       "");
   status_service_ = own.advertiseService("update_laser_status", &HokuyoNodelet::updateStatus, this);
 }
 
-Endpoint HokuyoNodelet::readParameters(mapping_common::Parameters& parameters, Hokuyo::Options& options) {
-  Endpoint endpoint;
-  endpoint.host = parameters.get<std::string>("ip_address", "");
-  endpoint.tcp_port = parameters.get("ip_port", 10940, 1, 65535);
-  endpoint.device = parameters.get<std::string>("serial_port", "/dev/ttyACM0");
-  endpoint.baud_rate = parameters.get("serial_baud", 115200, 9600, 4000000);
-  const bool detect_baud = parameters.get("detect_baud", true);
-  if (endpoint.host.empty()) {
-    options.baud_rates = {endpoint.baud_rate};
-    for (const int rate : kBaudRates) {
-      if (detect_baud && rate != endpoint.baud_rate) options.baud_rates.push_back(rate);
-    }
-  }
-  const bool calibrate = parameters.get("calibrate_time", true);
-  options.synchronize_clock = parameters.get("synchronize_time", false) || calibrate;
-  options.reset = parameters.get("reset_device", false);
-  options.error_limit = parameters.get("error_limit", 4, 1, 1000);
-  tolerance_ = parameters.get("diagnostics_tolerance", 0.05, 0.0, 1.0);
-  window_ = parameters.get("diagnostics_window_time", 5.0, 1.0, 3600.0);
-
-  config_.angle_min = parameters.get("angle_min", -M_PI, -M_PI, M_PI);
-  config_.angle_max = parameters.get("angle_max", M_PI, -M_PI, M_PI);
-  config_.cluster = parameters.get("cluster", 1, 1, 99);
-  config_.skip = parameters.get("skip", 0, 0, 9);
-  config_.publish_intensity = parameters.get("publish_intensity", true);
-  config_.publish_multiecho = parameters.get("publish_multiecho", false);
-  config_.frame_id = parameters.get<std::string>("frame_id", "laser");
-  config_.time_offset = parameters.get("time_offset", 0.0, -10.0, 10.0);
-  if (config_.angle_min >= config_.angle_max) {
-    mapping_common::rejectParameter("angle_min", config_.angle_min, "allowed is less than angle_max");
-  }
-  return endpoint;
-}
-
 // ------------------------------------------------------------------------------- in the connection's thread
 
 void HokuyoNodelet::publish(const HokuyoScan& scan) {
-  const std::int64_t stamp = toRosTime(scan.stamp, config_.time_offset);
+  const std::int64_t stamp = toRosTime(scan.stamp, parameters_.time_offset);
   if (stamp <= 0) return;
   std_msgs::Header header;
-  header.frame_id = config_.frame_id;
+  header.frame_id = parameters_.frame_id;
   header.stamp.fromNSec(static_cast<std::uint64_t>(stamp));
   if (scan_publisher_.getNumSubscribers() > 0) scan_publisher_.publish(toMessage(scan, Echo::kFirst, header));
   if (echoes_publisher_.getNumSubscribers() > 0) echoes_publisher_.publish(toMessage(scan, header));
@@ -211,7 +160,8 @@ void HokuyoNodelet::reportHere() {
   status_ = hokuyo_->status();
   const ros::WallTime now = ros::WallTime::now();
   scan_counts_.emplace_back(now, status_.scans);
-  while ((now - scan_counts_.front().first).toSec() > window_ + 0.5) scan_counts_.pop_front();
+  while ((now - scan_counts_.front().first).toSec() > parameters_.diagnostics_window_time + 0.5)
+    scan_counts_.pop_front();
   DeviceNodelet::reportHere();
   reported_faults_ = status_.faults;
 }
@@ -243,7 +193,7 @@ void HokuyoNodelet::diagnoseDevice(StatusWrapper& status) {
     status.add(label, found != status_.info.end() ? found->second : "unknown");
   }
   status.addf("Computed Latency", "%.6f", 1e-9 * static_cast<double>(status_.latency));
-  status.add("User Time Offset", config_.time_offset);
+  status.add("User Time Offset", parameters_.time_offset);
   status.addf("Clock drift (ppm)", "%.1f", -1e6 * status_.clock_drift);
   for (std::size_t i = 0; i < status_.faults.size(); ++i) {
     status.add(std::string("Count: ") + name(static_cast<HokuyoFault>(i)), status_.faults[i]);
@@ -261,7 +211,7 @@ void HokuyoNodelet::diagnoseScans(StatusWrapper& status) {
                        : 0.0;
   if (last_count == first_count) {
     status.summary(DiagnosticStatus::ERROR, "No scans");
-  } else if (std::abs(rate - expected) > tolerance_ * expected) {
+  } else if (std::abs(rate - expected) > parameters_.diagnostics_tolerance * expected) {
     status.summary(DiagnosticStatus::WARN, "Rate not as expected");
   } else {
     status.summary(DiagnosticStatus::OK, "Rate as expected");

@@ -47,19 +47,6 @@ class Nodelet : public nodelet::Nodelet {
   ///   or subscribed before: a manager doesn't survive the end of a nodelet's publishers in a failed start
   virtual void start(Parameters& parameters) = 0;
 
-  /// To be called by `start` once it has asked for all parameters: others are errors.
-  /// @param except how the names start that somebody else reads
-  void rejectUnknown(const Parameters& parameters, std::vector<std::string> except = {}) const;
-
-  /// Lets parameters change while the nodelet runs, by rqt_reconfigure.
-  /// @param config as it was started
-  /// @param apply gets a changed one and its level; where it throws, having changed nothing, the one before
-  ///   stays
-  /// @param name_space under the nodelet's own
-  template <class Config>
-  void allowReconfiguration(const Config& config, std::function<void(const Config&, std::uint32_t)> apply,
-                            const std::string& name_space = "reconfigure");
-
   /// Lets a struct's dynamic options change while the nodelet runs, by rqt_reconfigure.
   /// @param options as it was started
   /// @param apply gets changed ones that have been checked; where it throws, having changed nothing, those
@@ -121,41 +108,24 @@ class Nodelet : public nodelet::Nodelet {
   ros::WallTime last_report_;
 };
 
-template <class Config>
-void Nodelet::allowReconfiguration(const Config& config,
-                                   std::function<void(const Config&, std::uint32_t)> apply,
-                                   const std::string& name_space) {
-  const auto server = std::make_shared<dynamic_reconfigure::Server<Config>>(
-      reconfigure_mutex_, ros::NodeHandle(getPrivateNodeHandle(), name_space));
-  server->updateConfig(config);
-  server->setCallback([this, accepted = config, apply](Config& changed, std::uint32_t level) mutable {
-    try {
-      dynamic_reconfigure::Config values;
-      changed.__toMessage__(values);
-      for (const auto& value : values.doubles) {  // the check of its range lets it pass
-        if (std::isnan(value.value)) throw std::invalid_argument(value.name + " is not a number");
-      }
-      apply(changed, level);
-      accepted = changed;
-    } catch (const std::exception& e) {
-      NODELET_ERROR_STREAM("Reconfiguration rejected: " << e.what());
-      changed = accepted;
-    }
-  });
-  reconfigure_server_ = server;
-}
-
 template <class Options>
 void Nodelet::allowReconfiguration(const Options& options, std::function<void(const Options&)> apply,
                                    const std::string& name_space) {
   using Config = Reconfiguration<Options>;
-  allowReconfiguration<Config>(
-      Config{options, ""},
-      [apply](const Config& changed, std::uint32_t) {
-        if (!changed.error.empty()) throw std::invalid_argument(changed.error);
-        apply(validate(changed.options, "~"));
-      },
-      name_space);
+  const auto server = std::make_shared<dynamic_reconfigure::Server<Config>>(
+      reconfigure_mutex_, ros::NodeHandle(getPrivateNodeHandle(), name_space));
+  server->updateConfig(Config{options, ""});
+  server->setCallback([this, accepted = options, apply](Config& changed, std::uint32_t) mutable {
+    try {
+      if (!changed.error.empty()) throw std::invalid_argument(changed.error);
+      apply(validate(changed.options, "~"));
+      accepted = changed.options;
+    } catch (const std::exception& e) {
+      NODELET_ERROR_STREAM("Reconfiguration rejected: " << e.what());
+      changed = Config{accepted, ""};
+    }
+  });
+  reconfigure_server_ = server;
 }
 
 template <class Service>
