@@ -40,7 +40,7 @@ struct FakeLms {
   Nanoseconds acknowledge_time = 10 * kMillisecond, mode_time = 30 * kMillisecond, write_time = kSecond / 2;
   bool refuses_write = false, refuses_installation = false, off = false, mute = false;
   char start_result = 0;  ///< of commands to stream
-  std::string stream;  ///< the command that started it, empty: on request
+  std::string stream;     ///< the command that started it, empty: on request
   double turn = 1.0 / 75.0;
 
   std::vector<std::string> commands;

@@ -60,7 +60,8 @@ struct FeatureOptions {
     o("rows", rows, "", "and down").within(1, 1000);
     o("equalize", equalize, "",
       "true: evens out contrast first (contrast limited adaptive histogram equalization)");
-    o("min_width", min_width, "pixels", "narrower images are scaled up to it, 0: never. Descriptors need room around them")
+    o("min_width", min_width, "pixels",
+      "narrower images are scaled up to it, 0: never. Descriptors need room around them")
         .within(0, 10000);
     o("max_width", max_width, "pixels",
       "wider images are scaled down to it, 0: never. FAST corners have one scale, and wider images find less")

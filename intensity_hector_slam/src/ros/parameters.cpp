@@ -66,7 +66,8 @@ void SlamParameters::describe(mapping_common::OptionList& o) {
 void SlamParameters::resolve() {
   if (slam.localization && map_file.empty())
     throw std::invalid_argument("~localization is true, allowed is false without a map_file");
-  for (std::string* frame : {&base_frame, &odom_frame, &map_frame}) *frame = mapping_common::withoutSlash(*frame);
+  for (std::string* frame : {&base_frame, &odom_frame, &map_frame})
+    *frame = mapping_common::withoutSlash(*frame);
   if (!use_tf_pose_start_estimate && slam.guess == Guess::kOdometry) slam.guess = Guess::kConstantVelocity;
 }
 

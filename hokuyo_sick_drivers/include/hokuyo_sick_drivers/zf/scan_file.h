@@ -69,8 +69,10 @@ struct ReadOptions {
     o("intensity_min", intensity_limits.min, "", "limits: value that becomes 0");
     o("intensity_max", intensity_limits.max, "", "limits: value that becomes 1");
     o("columns", columns, "",
-      "PTS, ASC: what the columns are, of x y z i r g b, _ for others, - before x y z to turn their sign, rf gf bf "
-      "for colours from 0 to 1, e.g. \"_ _ x -y z i\". Empty: as a header names them, or else by their number");
+      "PTS, ASC: what the columns are, of x y z i r g b, _ for others, - before x y z to turn their sign, rf "
+      "gf bf "
+      "for colours from 0 to 1, e.g. \"_ _ x -y z i\". Empty: as a header names them, or else by their "
+      "number");
     o("verify_checksums", verify_checksums, "", "E57: false: a damaged page is a warning, no error");
     o.require(intensity_limits.min < intensity_limits.max, "intensity_max", "more than intensity_min");
   }

@@ -40,7 +40,8 @@ struct LoopClosureParameters {
     o("use_stereo", use_stereo, "",
       "true: images wait for the right image of their time, both rectified; instead of depth");
     o("queue_size", queue_size, "", "images that wait; the oldest is dropped").within(1, 1000);
-    o("transform_timeout", transform_timeout, "s", "that an image waits for its transform, by the stamps of later ones")
+    o("transform_timeout", transform_timeout, "s",
+      "that an image waits for its transform, by the stamps of later ones")
         .within(0.0, 10.0);
     o("fixed_frame", fixed_frame, "", "frame that motion is measured in, where key frames depend on it");
     o("vocabulary_file", vocabulary_file, "",
