@@ -157,7 +157,7 @@ TEST_F(SimulateWalks, TheDetectorFindsTheSecondWalk) {
 }
 
 TEST_F(SimulateWalks, SaysWhatIsWrong) {
-  EXPECT_EQ(1, run("--seed 1"));
+  EXPECT_EQ(2, run("--seed 1"));
   EXPECT_NE(std::string::npos, log().find("out")) << log();
   EXPECT_EQ(1, run("--images 0 --out " + dir_.path("w")));
   EXPECT_NE(std::string::npos, log().find("--images is 0, allowed is 1 to 1000")) << log();

@@ -157,7 +157,7 @@ TEST(Node, SaysWhichParameterIsWrongAndEnds) {
     ros::param::del("/wrong");
   };
   expectEnd("_map_sizes:=2048", "~map_sizes");
-  expectEnd("_map_resolution:=fine", "~map_resolution is fine, expected is a number");
+  expectEnd("_map_resolution:=fine", "~map_resolution is 'fine', expected is a number");
   expectEnd("_update_factor_free:=0.7", "~update_factor_free is 0.7, allowed is");
 }
 

@@ -307,8 +307,8 @@ TEST_F(Calibrate, SaysWhatIsWrong) {
   EXPECT_EQ(2, run(ok + "--beams 1:x"));
   EXPECT_EQ(2, run(ok + "--box 1,2,3,4,5"));
   EXPECT_EQ(2, run(ok + "--box 1,2,3,0,5,6"));
-  EXPECT_EQ(1, run(ok + "--range-step 0"));
-  EXPECT_TRUE(mentions(output(), {"range_step is 0"}));
+  EXPECT_EQ(2, run(ok + "--range-step 0"));
+  EXPECT_TRUE(mentions(output(), {"--range-step is 0, allowed is 0.001 to 100 m"}));
   EXPECT_EQ(1, run("--bag /nowhere.bag --out " + out_ + " --topic scan"));
   EXPECT_TRUE(mentions(output(), {"/nowhere.bag"}));
   EXPECT_EQ(1, run("--bag " + dir_.write("foreign.bag", "no bag") + " --out " + out_ + " --topic scan"));

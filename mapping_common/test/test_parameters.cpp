@@ -62,7 +62,9 @@ TEST(Parameters, AreRejectedByName) {
   all["model"]["scale"] = std::string("wide");
   EXPECT_EQ("~model/scale is 'wide', expected is a number", rejection(all));
   all = make();
-  all["name"][0] = 1;
+  XmlRpc::XmlRpcValue list;
+  list[0] = 1;
+  all["name"] = list;
   EXPECT_EQ("~name is a list, expected is a string", rejection(all));
   all = make();
   all["model"]["scales"] = 1.0;

@@ -299,7 +299,7 @@ TEST(Evaluation, ToolAndPlots) {
     EXPECT_EQ(one["scans"].as<std::size_t>(), loadTrajectory(file + ".tum").poses().size());
   }
   EXPECT_EQ(2, run(tool + "--model lambert"));
-  EXPECT_TRUE(mentions(mapping_common::readFile(dir.path("log")), {"lambert", "raw, range, lut"}));
+  EXPECT_TRUE(mentions(mapping_common::readFile(dir.path("log")), {"lambert", "raw | range | lut"}));
   EXPECT_EQ(0, run(tool + "--model ideal --cost reflectivity"));
 
   if (run("/usr/bin/python3 -c 'import matplotlib'") != 0)

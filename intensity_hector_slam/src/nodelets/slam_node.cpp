@@ -6,6 +6,7 @@
 
 #include <iostream>
 #include <string>
+#include <vector>
 
 namespace {
 
@@ -21,12 +22,12 @@ constexpr const char* kUsage =
 }  // namespace
 
 int main(int argc, char** argv) {
-  for (int i = 1; i < argc; ++i) {
-    const std::string argument = argv[i];
-    if (argument == "-h" || argument == "--help") {
-      std::cout << kUsage;
-      return 0;
-    }
+  std::vector<std::string> words;
+  ros::removeROSArgs(argc, argv, words);
+  if (words.size() > 1) {
+    const bool help = words[1] == "-h" || words[1] == "--help";
+    (help ? std::cout : std::cerr) << kUsage;
+    return help ? 0 : 2;
   }
   ros::init(argc, argv, "slam");
   nodelet::Loader loader(false);
