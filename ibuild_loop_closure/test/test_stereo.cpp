@@ -4,70 +4,36 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <opencv2/imgproc.hpp>
 #include <stdexcept>
 #include <vector>
 
-#include "../tools/scene.h"
-#include "../tools/street.h"
 #include "ibuild_loop_closure/loop_detector.h"
+#include "simulated_street.h"
 #include "test_images.h"
 
 namespace ibuild_loop_closure {
 namespace {
 
-constexpr double kBaseline = 0.3, kEye = 1.6;  // m
-const Pinhole kPinhole{{640, 360}, 400, 319.5, 179.5};
-const Camera kCamera{400, 400, 319.5, 179.5};
-
-// Looks along the street.
-Eigen::Isometry3d poseAt(double x, double y, double yaw) {
-  Eigen::Matrix3d optical;
-  optical << 0, 0, 1, -1, 0, 0, 0, -1, 0;
-  Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
-  pose.translation() << x, y, kEye;
-  pose.linear() = Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ()) * optical;
-  return pose;
-}
+constexpr double kBaseline = 0.3;  // m
 
 class Street : public ::testing::Test {
  protected:
-  cv::Mat imageAt(const Eigen::Isometry3d& pose, double exposure = 1.0) {
-    cv::Mat grey;
-    cv::cvtColor(render(street_, kPinhole, pose), grey, cv::COLOR_BGR2GRAY);
-    grey.convertTo(grey, CV_16S, exposure);
-    cv::Mat noise(grey.size(), CV_16S), noisy;
-    random_.fill(noise, cv::RNG::NORMAL, 0.0, 3.0);
-    cv::Mat(grey + noise).convertTo(noisy, CV_8U);
-    return noisy;
+  Street() {
+    street_.camera().fx = street_.camera().fy = camera_.fx;
+    street_.camera().cx = camera_.cx;
+    street_.camera().cy = camera_.cy;
   }
   cv::Mat rightOf(const Eigen::Isometry3d& left, double exposure = 1.0) {
-    return imageAt(left * Eigen::Translation3d(kBaseline, 0, 0), exposure);
+    return street_.imageAt(left * Eigen::Translation3d(kBaseline, 0, 0), exposure);
   }
-  // m along the optical axis, of what is nearest there.
-  double depthAt(const Eigen::Isometry3d& pose, const cv::Point2f& p) const {
-    const Eigen::Vector3d ray =
-        pose.linear() * Eigen::Vector3d((p.x - kCamera.cx) / kCamera.fx, (p.y - kCamera.cy) / kCamera.fy, 1);
-    double least = 1e9;
-    for (const Surface& s : street_) {
-      const Eigen::Vector3d normal = s.right.cross(s.down);
-      const double depth = normal.dot(s.corner - pose.translation()) / normal.dot(ray);
-      if (!(depth > 0.0 && depth < least)) continue;
-      const Eigen::Vector3d at = pose.translation() + depth * ray - s.corner;
-      const double x = at.dot(s.right), y = at.dot(s.down);
-      if (x >= 0 && y >= 0 && x <= s.texture->width() && y <= s.texture->height() &&
-          s.texture->at(static_cast<float>(x), static_cast<float>(y), 0.01f)[3] > 200.0f)
-        least = depth;
-    }
-    return least;
-  }
-  cv::RNG random_{7};
-  const std::vector<Surface> street_ = makeStreet(60.0, random_);
+  const Camera camera_{400, 400, 319.5, 179.5};
+  SimulatedStreet street_;
 };
 
 TEST_F(Street, DisparitiesAreThoseOfItsGeometry) {
-  const Eigen::Isometry3d pose = poseAt(10, 0, 0.1);
-  const cv::Mat left = imageAt(pose), right = rightOf(pose, 0.8);  // the two cameras expose differently
+  const Eigen::Isometry3d pose = street_.poseAt(10, 0, 0.1);
+  const cv::Mat left = street_.imageAt(pose),
+                right = rightOf(pose, 0.8);  // the two cameras expose differently
   const Features features = FeatureExtractor().extract(left);
   const std::vector<float> disparities = disparitiesAt(left, right, features.points, {});
   ASSERT_EQ(features.size(), disparities.size());
@@ -75,7 +41,8 @@ TEST_F(Street, DisparitiesAreThoseOfItsGeometry) {
   for (std::size_t i = 0; i < disparities.size(); ++i) {
     if (disparities[i] <= 0.0f) continue;
     ++known;
-    good += std::abs(disparities[i] - kCamera.fx * kBaseline / depthAt(pose, features.points[i])) < 0.5;
+    good +=
+        std::abs(disparities[i] - camera_.fx * kBaseline / street_.depthAt(pose, features.points[i])) < 0.5;
   }
   EXPECT_GT(known, 0.5 * features.size());
   EXPECT_GT(good, 0.95 * known);
@@ -90,14 +57,15 @@ TEST_F(Street, GivesTheRelativePose) {
     return view;
   };
   for (const double x : {5.0, 30.0}) {
-    const Eigen::Isometry3d match_pose = poseAt(x, -0.4, 0.02), query_pose = poseAt(x + 0.6, 0.5, -0.03);
-    const cv::Mat left = imageAt(match_pose);
+    const Eigen::Isometry3d match_pose = street_.poseAt(x, -0.4, 0.02),
+                            query_pose = street_.poseAt(x + 0.6, 0.5, -0.03);
+    const cv::Mat left = street_.imageAt(match_pose);
     View match = viewAt(left);
     match.depths = disparitiesAt(left, rightOf(match_pose), match.features.points, {});
-    for (float& d : match.depths) d = d > 0.0f ? static_cast<float>(kCamera.fx * kBaseline / d) : 0.0f;
-    const View query = viewAt(imageAt(query_pose, 0.7));
+    for (float& d : match.depths) d = d > 0.0f ? static_cast<float>(camera_.fx * kBaseline / d) : 0.0f;
+    const View query = viewAt(street_.imageAt(query_pose, 0.7));
     GeometryResult result = checkLayout(query, match, {});
-    verify(query, match, kCamera, {}, result);
+    verify(query, match, camera_, {}, result);
     ASSERT_TRUE(result.pose) << x;
     const Eigen::Isometry3d error = (match_pose.inverse() * query_pose).inverse() * result.pose->transform;
     EXPECT_LT(error.translation().norm(), 0.1) << x;

@@ -109,6 +109,10 @@ Sweep sweep(const SensorConfig& sensor, const World& world, const Trajectory& ba
   Sweep result;
   result.stamp = stamp;
   result.pose = base.at(stamp) * sensor.mount;
+  if (sensor.type == SensorConfig::Type::kCamera) {
+    result.image = renderImage(sensor.camera, world.at(stamp), result.pose, seed);
+    return result;
+  }
   const int rings = static_cast<int>(sensor.elevations.size());
   result.echoes.reserve(static_cast<std::size_t>(sensor.columns) * rings);
   Beams beams(sensor.beam, seed);
@@ -141,27 +145,6 @@ PlanarScan toPlanarScan(const SensorConfig& sensor, const Sweep& sweep) {
   for (const Echo& echo : sweep.echoes) {
     scan.ranges.push_back(static_cast<float>(echo.range));
     scan.intensities.push_back(static_cast<float>(echo.intensity));
-  }
-  return scan;
-}
-
-PosedScan toPosedScan(const SensorConfig& sensor, const Sweep& sweep) {
-  PosedScan scan;
-  scan.name = sensor.topic;
-  scan.stamp = sweep.stamp;
-  scan.pose = sweep.pose;
-  const int rings = static_cast<int>(sensor.elevations.size());
-  scan.cloud = pcl::PointCloud<pcl::PointXYZI>(sensor.columns, rings);
-  scan.cloud.is_dense = false;
-  scan.cloud.header.frame_id = sensor.frame_id;
-  for (int column = 0; column < sensor.columns; ++column) {
-    for (int ring = 0; ring < rings; ++ring) {
-      const Echo& echo = sweep.echoes[static_cast<std::size_t>(column) * rings + ring];
-      pcl::PointXYZI& point = scan.cloud.at(column, ring);
-      const double range = std::isfinite(echo.range) ? echo.range : NAN;
-      point.getVector3fMap() = (range * sensor.direction(column, ring)).cast<float>();
-      point.intensity = static_cast<float>(echo.intensity);
-    }
   }
   return scan;
 }
@@ -225,13 +208,38 @@ std::vector<double> readElevations(const YamlMap& map) {
   return elevations;
 }
 
+// From optical axes (x right, y down, z forward) to those of a body (x forward, y left, z up).
+Eigen::Isometry3d opticalToBody() {
+  Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+  pose.linear() << 0, 0, 1, -1, 0, 0, 0, -1, 0;
+  return pose;
+}
+
+CameraModel readCamera(const YamlMap& map) {
+  CameraModel m;
+  m.width = map.integer("width", {1, 1e4});
+  m.height = map.integer("height", {1, 1e4});
+  m.fx = m.fy =
+      0.5 * m.width / std::tan(0.5 * kRadians * map.number("field_of_view_deg", {1.0, 170.0, "deg"}));
+  m.cx = 0.5 * (m.width - 1);
+  m.cy = 0.5 * (m.height - 1);
+  m.color = map.choice("encoding", {"mono8", "rgb8"}) == "rgb8";
+  m.samples = map.integer("samples", {1, 16}, m.samples);
+  m.exposure = map.has("exposure") && map.text("exposure") == "auto"
+                   ? 0.0
+                   : map.number("exposure", {1e-6, 1e6}, m.exposure);
+  m.noise = map.number("noise", {0.0, 255.0}, m.noise);
+  m.baseline = map.number("baseline", {0.0, 100.0, "m"}, m.baseline);
+  return m;
+}
+
 }  // namespace
 
 SensorConfig loadSensor(const std::string& file) {
   const YamlMap map = YamlMap::load(file);
   SensorConfig sensor;
-  const bool planar = map.choice("type", {"planar", "lidar"}) == "planar";
-  sensor.type = planar ? SensorConfig::Type::kPlanar : SensorConfig::Type::kLidar;
+  const std::string type = map.choice("type", {"planar", "lidar", "camera"});
+  const bool planar = type == "planar";
   sensor.topic = map.text("topic");
   sensor.frame_id = map.text("frame_id");
   if (map.has("mount")) {
@@ -240,6 +248,14 @@ SensorConfig loadSensor(const std::string& file) {
     mount.finish();
   }
   sensor.rate = map.number("rate", {0.01, 1000.0, "Hz"});
+  if (type == "camera") {
+    sensor.type = SensorConfig::Type::kCamera;
+    sensor.mount = sensor.mount * opticalToBody();
+    sensor.camera = readCamera(map);
+    map.finish();
+    return sensor;
+  }
+  sensor.type = planar ? SensorConfig::Type::kPlanar : SensorConfig::Type::kLidar;
   if (planar) {
     sensor.angle_min = kRadians * map.number("angle_min_deg", kDegrees);
     const double span = kRadians * map.number("angle_max_deg", {sensor.angle_min / kRadians, 360.0, "deg"}) -

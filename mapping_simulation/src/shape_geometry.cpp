@@ -42,40 +42,7 @@ double firstCrossing(const Interval& inside) {
   return inside.out > kNearest ? inside.out : kInfinity;
 }
 
-double hash(std::int64_t x, std::int64_t y, std::uint32_t seed) {  // [0, 1)
-  std::uint64_t h = static_cast<std::uint64_t>(x) * 0x9E3779B97F4A7C15u ^
-                    static_cast<std::uint64_t>(y) * 0xC2B2AE3D27D4EB4Fu ^ (seed + 1ull) * 0x165667B19E3779F9u;
-  h = (h ^ (h >> 31)) * 0xBF58476D1CE4E5B9u;
-  h = (h ^ (h >> 29)) * 0x94D049BB133111EBu;
-  return static_cast<double>((h ^ (h >> 32)) >> 11) * 0x1p-53;
-}
-
-std::size_t modulo(double cell, std::size_t n) {
-  return std::min(static_cast<std::size_t>(cell - std::floor(cell / n) * n), n - 1);
-}
-
 }  // namespace
-
-double Texture::at(const Eigen::Vector2d& uv) const {
-  switch (type) {
-    case Type::kConstant:
-      return values[0];
-    case Type::kCheckerboard:
-      return values[modulo(std::floor(uv.x() / size) + std::floor(uv.y() / size), values.size())];
-    case Type::kStripes:
-      return values[modulo(std::floor((uv.x() * std::cos(angle) + uv.y() * std::sin(angle)) / size),
-                           values.size())];
-    case Type::kNoise:
-      break;
-  }
-  const double u = std::floor(uv.x() / size), v = std::floor(uv.y() / size);
-  const auto i = static_cast<std::int64_t>(u), j = static_cast<std::int64_t>(v);
-  const auto smooth = [](double s) { return s * s * (3.0 - 2.0 * s); };
-  const double s = smooth(uv.x() / size - u), t = smooth(uv.y() / size - v);
-  const double weight = (1.0 - t) * ((1.0 - s) * hash(i, j, seed) + s * hash(i + 1, j, seed)) +
-                        t * ((1.0 - s) * hash(i, j + 1, seed) + s * hash(i + 1, j + 1, seed));
-  return values[0] + weight * (values[1] - values[0]);
-}
 
 double intersect(const Shape& shape, const Eigen::Vector3d& o, const Eigen::Vector3d& d) {
   const Eigen::Vector3d half = 0.5 * shape.size;
@@ -101,7 +68,7 @@ double intersect(const Shape& shape, const Eigen::Vector3d& o, const Eigen::Vect
   return kInfinity;
 }
 
-SurfacePoint surfaceAt(const Shape& shape, const Eigen::Vector3d& p) {
+FacePoint surfaceAt(const Shape& shape, const Eigen::Vector3d& p) {
   const Eigen::Vector3d half = 0.5 * shape.size;
   switch (shape.type) {
     case Shape::Type::kGround:
@@ -111,7 +78,7 @@ SurfacePoint surfaceAt(const Shape& shape, const Eigen::Vector3d& p) {
     case Shape::Type::kBox: {
       int axis;
       ((p - Eigen::Vector3d(0.0, 0.0, half.z())).cwiseAbs() - half).maxCoeff(&axis);
-      return {Eigen::Vector3d::Unit(axis), {p[axis == 0 ? 1 : 0], p[axis == 2 ? 1 : 2]}};
+      return {Eigen::Vector3d::Unit(axis), {p[axis == 0 ? 1 : 0], p[axis == 2 ? 1 : 2]}, axis};
     }
     case Shape::Type::kCylinder:
       break;
@@ -119,7 +86,9 @@ SurfacePoint surfaceAt(const Shape& shape, const Eigen::Vector3d& p) {
   const double radius = p.head<2>().norm();
   if (std::abs(p.z() - half.z()) - half.z() > radius - half.x())
     return {Eigen::Vector3d::UnitZ(), p.head<2>()};
-  return {Eigen::Vector3d(p.x(), p.y(), 0.0) / radius, {half.x() * std::atan2(p.y(), p.x()), p.z()}};
+  return {Eigen::Vector3d(p.x(), p.y(), 0.0) / radius,
+          {half.x() * std::atan2(p.y(), p.x()), p.z()},
+          p.y() < 0.0 ? 1 : 2};
 }
 
 }  // namespace mapping_simulation

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iomanip>
+#include <random>
 #include <stdexcept>
 
 #include "trajectory_yaml.h"
@@ -94,7 +95,38 @@ Trajectory driveThrough(const std::vector<Waypoint>& waypoints, bool closed) {
   return Trajectory(std::move(poses), closed);
 }
 
-Trajectory readTrajectory(const YamlMap& map) {
+Trajectory swaying(const Trajectory& path, const Sway& sway, std::uint64_t seed) {
+  constexpr double kStep = 0.05;  // s
+  std::mt19937_64 random(seed);
+  std::normal_distribution<double> gauss;
+  using Vector5d = Eigen::Matrix<double, 5, 1>;
+  const Vector5d deviations =
+      (Vector5d() << sway.side, sway.height, sway.roll, sway.pitch, sway.yaw).finished();
+  const auto draw = [&] {
+    return deviations.cwiseProduct(Vector5d::NullaryExpr([&] { return gauss(random); })).eval();
+  };
+  std::vector<double> times;
+  for (const TimedPose& pose : path.poses()) {  // its own poses are kept, since it may jump
+    while (!times.empty() && times.back() + 1.5 * kStep < pose.time) times.push_back(times.back() + kStep);
+    times.push_back(pose.time);
+  }
+  std::vector<TimedPose> poses;
+  Vector5d off = draw();
+  for (double time : times) {
+    const double keep = poses.empty() ? 1.0 : std::exp((poses.back().time - time) / sway.memory);
+    off = keep * off + std::sqrt(1.0 - keep * keep) * draw();
+    const Eigen::Isometry3d pose = path.at(time) * Eigen::Translation3d(0.0, off[0], off[1]) *
+                                   Eigen::AngleAxisd(off[4], Eigen::Vector3d::UnitZ()) *
+                                   Eigen::AngleAxisd(off[3], Eigen::Vector3d::UnitY()) *
+                                   Eigen::AngleAxisd(off[2], Eigen::Vector3d::UnitX());
+    poses.push_back({time, pose});
+  }
+  return Trajectory(std::move(poses));
+}
+
+namespace {
+
+Trajectory readPath(const YamlMap& map) {
   if (map.has("poses") == map.has("waypoints")) map.fail(map.node(), "give either poses or waypoints");
   try {
     if (map.has("poses")) {
@@ -109,7 +141,6 @@ Trajectory readTrajectory(const YamlMap& map) {
         poses.push_back({v[0], Eigen::Translation3d(v[1], v[2], v[3]) * fromRpyDegrees(v[4], v[5], v[6])});
       }
       const bool loop = map.flag("loop", false);
-      map.finish();
       return Trajectory(poses, loop);
     }
     const Limits speeds{1e-3, 1e3, "m/s"};
@@ -122,11 +153,33 @@ Trajectory readTrajectory(const YamlMap& map) {
       waypoints.push_back({Eigen::Vector3d(v.data()), v.size() == 4 ? v[3] : speed});
     }
     const bool closed = map.flag("closed", false);
-    map.finish();
     return driveThrough(waypoints, closed);
   } catch (const std::invalid_argument& e) {
     map.fail(map.node(), e.what());
   }
+}
+
+}  // namespace
+
+Trajectory readTrajectory(const YamlMap& map) {
+  Trajectory path = readPath(map);
+  if (map.has("sway")) {
+    const YamlMap node = map.map("sway");
+    const auto degrees = [&node](const char* key) {
+      return node.number(key, {0.0, 90.0, "deg"}, 0.0) * M_PI / 180.0;
+    };
+    Sway sway;
+    sway.side = node.number("side", {0.0, 10.0, "m"}, sway.side);
+    sway.height = node.number("height", {0.0, 10.0, "m"}, sway.height);
+    sway.roll = degrees("roll_deg");
+    sway.pitch = degrees("pitch_deg");
+    sway.yaw = degrees("yaw_deg");
+    sway.memory = node.number("memory", {0.05, 1e3, "s"}, sway.memory);
+    path = swaying(path, sway, node.integer("seed", {0, 1e9}, 0));
+    node.finish();
+  }
+  map.finish();
+  return path;
 }
 
 namespace {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <gtest/gtest.h>
+#include <mapping_simulation/posed_scan.h>
 #include <mapping_simulation/sensors.h>
 #include <mapping_simulation/testing/worlds.h>
 
@@ -8,6 +9,7 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <set>
 
 namespace mapping_simulation {
 namespace {
@@ -357,7 +359,13 @@ TEST(ShippedSensors, AllLoadAndSeeTheStreet) {
     SCOPED_TRACE(entry.path());
     SensorConfig sensor = loadSensor(entry.path().string());
     const Sweep scan = sweepOnce(sensor, world);
-    double share = shareOf(scan, [](const Echo& e) { return std::isfinite(e.range); });
+    ++count;
+    if (sensor.type == SensorConfig::Type::kCamera) {
+      const std::set<std::uint8_t> greys(scan.image.data.begin(), scan.image.data.end());
+      EXPECT_GT(greys.size(), 100u);
+      continue;
+    }
+    const double share = shareOf(scan, [](const Echo& e) { return std::isfinite(e.range); });
     EXPECT_GT(share, sensor.beam.range_max > 10 ? 0.4 : 0.1);
     for (const Echo& echo : scan.echoes) {
       if (!std::isfinite(echo.range)) continue;
@@ -365,7 +373,6 @@ TEST(ShippedSensors, AllLoadAndSeeTheStreet) {
       ASSERT_LE(echo.range, sensor.beam.range_max);
       ASSERT_LE(echo.intensity, sensor.beam.intensity.max);
     }
-    ++count;
   }
   EXPECT_GE(count, 5);
 }

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <gtest/gtest.h>
+#include <mapping_common/files.h>
+#include <mapping_simulation/posed_scan.h>
 #include <mapping_simulation/ros/conversions.h>
 #include <mapping_simulation/ros/simulation_bag.h>
 #include <mapping_simulation/testing/worlds.h>
@@ -245,6 +247,56 @@ TEST(Tool, WritesABagAndTheGroundTruthAndRepeatsItself) {
   EXPECT_TRUE(truth.at(1000.1).isApprox(expected.at(0.1), 1e-6));
 }
 
+TEST(Tool, WritesImagesToABagAndToFolders) {
+  const TempDir dir;
+  const std::string small = dir.write("camera.yaml", R"(
+type: camera
+topic: eye/image_raw
+frame_id: eye
+mount: {position: [0, 0, 1.5]}
+rate: 10
+width: 32
+height: 24
+field_of_view_deg: 60
+encoding: rgb8
+noise: 2
+)");
+  const auto arguments = [&](int world_seed) {
+    return "--world " + configFile("worlds/street_walk.yaml") + " --sensor " + small +
+           " --duration 0.25 --world-seed " + std::to_string(world_seed);
+  };
+  const auto run = [&](const std::string& more) {
+    const Outcome outcome = runTool(dir, more);
+    EXPECT_EQ(outcome.code, 0) << outcome.text;
+  };
+  run(arguments(1) + " --out " + dir.path("a.bag") + " --images " + dir.path("a"));
+  run(arguments(1) + " --images " + dir.path("b"));
+  run(arguments(2) + " --images " + dir.path("c"));
+  const auto bytes = [&](const std::string& name) { return mapping_common::readFile(dir.path(name)); };
+  EXPECT_EQ(bytes("a/eye/image_raw/000002.png"), bytes("b/eye/image_raw/000002.png"));
+  EXPECT_NE(bytes("a/eye/image_raw/000002.png"), bytes("c/eye/image_raw/000002.png"));
+  EXPECT_FALSE(std::filesystem::exists(dir.path("a/eye/image_raw/000003.png")));
+  const Trajectory poses = loadTrajectory(dir.path("a/eye/image_raw.tum"));
+  ASSERT_EQ(poses.poses().size(), 3u);
+  const SensorConfig sensor = loadSensor(small);
+  const Trajectory path = loadTrajectory(configFile("worlds/street_walk.yaml"));
+  EXPECT_TRUE(poses.at(0.2).isApprox(path.at(0.2) * sensor.mount, 1e-6));
+
+  const rosbag::Bag bag(dir.path("a.bag"));
+  const auto images = messages<sensor_msgs::Image>(bag, "/eye/image_raw");
+  const auto infos = messages<sensor_msgs::CameraInfo>(bag, "/eye/camera_info");
+  ASSERT_EQ(images.size(), 3u);
+  ASSERT_EQ(infos.size(), 3u);
+  EXPECT_EQ(images[1]->header.stamp, ros::Time(1000.1));
+  EXPECT_EQ(images[1]->header.stamp, infos[1]->header.stamp);
+  EXPECT_EQ(images[1]->header.frame_id, "eye");
+  EXPECT_EQ(images[1]->encoding, "rgb8");
+  EXPECT_EQ(images[1]->step, 96u);
+  EXPECT_EQ(images[1]->data.size(), 96u * 24u);
+  EXPECT_DOUBLE_EQ(infos[1]->K[0], sensor.camera.fx);
+  EXPECT_DOUBLE_EQ(infos[1]->P[6], 11.5);
+}
+
 TEST(Tool, BadInputHasAMessageAndAnExitCodeAndLeavesNoFile) {
   const TempDir dir;
   const std::string world = " --world " + configFile("worlds/laboratory.yaml");
@@ -258,6 +310,7 @@ TEST(Tool, BadInputHasAMessageAndAnExitCodeAndLeavesNoFile) {
   };
   expect("--help", 0, "Usage: simulate");
   expect("", 2, "required");
+  expect(world + sensor, 2, "give --out, --images or both");
   expect(world + sensor + out + " --duration -1", 2, "--duration must be");
   expect(world + sensor + out + " --colour red", 2, "colour");
   expect(world + sensor + out + " --seed x", 2, "seed");

@@ -3,6 +3,7 @@
 // The map loses nothing: voxel by voxel it has the log odds of OctoMap, however its cells fuse.
 #include <gtest/gtest.h>
 #include <mapping_common/testing/recordings.h>
+#include <mapping_simulation/posed_scan.h>
 #include <mapping_simulation/ros/simulation_bag.h>
 #include <mapping_simulation/simulator.h>
 #include <mapping_simulation/testing/worlds.h>

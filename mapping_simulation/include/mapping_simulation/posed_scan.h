@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <mapping_simulation/sensors.h>
 #include <pcl/point_cloud.h>
 #include <pcl/point_types.h>
 
@@ -17,5 +18,9 @@ struct PosedScan {
   Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();  ///< sensor frame -> map frame
   pcl::PointCloud<pcl::PointXYZI> cloud;                   ///< sensor frame, m; non-finite: no return
 };
+
+/// Organised cloud, one row per elevation and one column per azimuth; points as the sensor gives them, each
+/// in the sensor frame of its own time; NaN without a return.
+PosedScan toPosedScan(const SensorConfig& sensor, const Sweep& sweep);
 
 }  // namespace mapping_simulation

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Laser scanners that sweep a World: what they measure, and what they should have measured.
+// Laser scanners and cameras in a World: what they measure, and what they should have measured.
 #pragma once
 
-#include <mapping_simulation/posed_scan.h>
+#include <mapping_simulation/camera.h>
 #include <mapping_simulation/trajectory.h>
 #include <mapping_simulation/world.h>
 
@@ -60,23 +60,25 @@ struct BeamModel {
   IntensityModel intensity;          ///< its near() and angular() also govern the energy
 };
 
-/// A scanner whose mirror or head turns at constant speed. Column c looks to azimuth angle_min + c *
-/// angle_increment (about z from x, counterclockwise) at stamp + c * time_increment, with one beam per
+/// A camera, or a scanner whose mirror or head turns at constant speed. Column c looks to azimuth angle_min +
+/// c * angle_increment (about z from x, counterclockwise) at stamp + c * time_increment, with one beam per
 /// elevation.
 struct SensorConfig {
-  enum class Type { kPlanar, kLidar };  ///< LaserScan, PointCloud2
+  enum class Type { kPlanar, kLidar, kCamera };  ///< LaserScan, PointCloud2, Image
   Type type = Type::kPlanar;
   std::string topic = "scan";
   std::string frame_id = "laser";
-  Eigen::Isometry3d mount = Eigen::Isometry3d::Identity();  ///< sensor frame -> base_link
-  double rate = 40.0;                                       ///< Hz
-  double angle_min = 0.0;                                   ///< rad
-  double angle_increment = 0.0;                             ///< rad, > 0
+  Eigen::Isometry3d mount =
+      Eigen::Isometry3d::Identity();    ///< sensor frame (a camera's optical frame) -> base_link
+  double rate = 40.0;                   ///< Hz
+  double angle_min = 0.0;               ///< rad
+  double angle_increment = 0.0;         ///< rad, > 0
   int columns = 0;                      ///< beams of a planar scan, azimuth steps of a lidar
   std::vector<double> elevations{0.0};  ///< rad, {0} for a planar scanner
   bool rolling =
       true;  ///< every column has the pose of its own time; false: the sensor stands still meanwhile
   BeamModel beam;
+  CameraModel camera;  ///< of a camera, which uses nothing else but topic, frame, mount and rate
 
   double timeIncrement() const { return rolling ? angle_increment / (2.0 * M_PI * rate) : 0.0; }  ///< s
   double sweepDuration() const { return columns * timeIncrement(); }                              ///< s
@@ -96,11 +98,12 @@ struct Echo {
   Hit truth;         ///< of the central ray, without noise
 };
 
-/// All echoes of one turn.
+/// All echoes of one turn, or the image of one moment.
 struct Sweep {
   double stamp = 0.0;                                      ///< s, of the first column
   Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();  ///< sensor frame -> map frame, at the stamp
   std::vector<Echo> echoes;  ///< echo of (column, ring) is at column * rings + ring
+  Image image;               ///< of a camera
 };
 
 /// Sweeps the world from a base_link that follows `base`. The seed decides all noise.
@@ -119,9 +122,5 @@ struct PlanarScan {
 };
 
 PlanarScan toPlanarScan(const SensorConfig& sensor, const Sweep& sweep);
-
-/// Organised cloud, one row per elevation and one column per azimuth; points as the sensor gives them, each
-/// in the sensor frame of its own time; NaN without a return.
-PosedScan toPosedScan(const SensorConfig& sensor, const Sweep& sweep);
 
 }  // namespace mapping_simulation

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -46,9 +47,20 @@ struct Waypoint {
 /// that isn't positive.
 Trajectory driveThrough(const std::vector<Waypoint>& waypoints, bool closed = false);
 
+/// How a body sways around its path: standard deviations, each remembered for about `memory`.
+struct Sway {
+  double side = 0.0, height = 0.0;            ///< m
+  double roll = 0.0, pitch = 0.0, yaw = 0.0;  ///< rad
+  double memory = 1.0;                        ///< s, > 0
+};
+
+/// The path with sway, from its start to its end.
+Trajectory swaying(const Trajectory& path, const Sway& sway, std::uint64_t seed);
+
 /// Reads a *.tum file (lines `time x y z qx qy qz qw`, # comments), or the key `trajectory` of any YAML file:
 ///   {poses: [[t, x, y, z, yaw_deg], ...], loop: false}        or t x y z, or t x y z roll pitch yaw
 ///   {waypoints: [[x, y, z], [x, y, z, speed], ...], speed: 1.0, closed: false}
+/// and, with either, sway: {side: m, height: m, roll_deg:, pitch_deg:, yaw_deg:, memory: s, seed:}.
 /// Throws std::runtime_error that names file and line.
 Trajectory loadTrajectory(const std::string& file);
 

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <mapping_simulation/posed_scan.h>
 #include <mapping_simulation/ros/conversions.h>
 #include <mapping_simulation/ros/simulation_bag.h>
 #include <nav_msgs/Odometry.h>
@@ -12,6 +13,7 @@
 #include <set>
 #include <stdexcept>
 #include <system_error>
+#include <vector>
 
 namespace mapping_simulation {
 namespace {
@@ -40,6 +42,11 @@ geometry_msgs::Vector3 makeVector(const Eigen::Vector3d& v) {
   return message;
 }
 
+// As image_transport does: beside the image's topic.
+std::string infoTopic(const SensorConfig& sensor) {
+  return sensor.topic.substr(0, sensor.topic.rfind('/') + 1) + "camera_info";
+}
+
 void check(const Simulation& simulation, const SimulationBagOptions& options) {
   const auto require = [](bool good, const std::string& what) {
     if (!good) throw std::invalid_argument(what);
@@ -54,7 +61,10 @@ void check(const Simulation& simulation, const SimulationBagOptions& options) {
   std::set<std::string> topics{"/clock", "/tf", "/tf_static", "/odom", "/ground_truth"};
   std::set<std::string> frames{"map", "odom", "base_link"};
   for (const SensorConfig& sensor : simulation.sensors) {
-    require(topics.insert("/" + sensor.topic).second, "topic '" + sensor.topic + "' is taken twice");
+    std::vector<std::string> of_sensor{sensor.topic};
+    if (sensor.type == SensorConfig::Type::kCamera) of_sensor.push_back(infoTopic(sensor));
+    for (const std::string& topic : of_sensor)
+      require(topics.insert("/" + topic).second, "topic '" + topic + "' is taken twice");
     require(frames.insert(sensor.frame_id).second, "frame '" + sensor.frame_id + "' is taken twice");
   }
 }
@@ -106,6 +116,10 @@ class Recorder {
     const ros::Time receipt(options_.start_time + end);
     if (sensor.type == SensorConfig::Type::kPlanar) {
       bag_.write("/" + sensor.topic, receipt, toLaserScan(toPlanarScan(sensor, sweep), sensor.frame_id));
+    } else if (sensor.type == SensorConfig::Type::kCamera) {
+      const std_msgs::Header header = makeHeader(sweep.stamp, sensor.frame_id);
+      bag_.write("/" + infoTopic(sensor), receipt, toCameraInfo(sensor.camera, header));
+      bag_.write("/" + sensor.topic, receipt, toImage(sweep.image, header));
     } else {
       bag_.write("/" + sensor.topic, receipt,
                  toPointCloud2(toPosedScan(sensor, sweep).cloud, makeHeader(sweep.stamp, sensor.frame_id)));
@@ -150,7 +164,7 @@ class Recorder {
 
 std::size_t writeSimulationBag(const std::string& file, const Simulation& simulation,
                                const SimulationBagOptions& options,
-                               const std::function<void(double)>& progress) {
+                               const std::function<void(const SensorConfig&, const Sweep&)>& watch) {
   check(simulation, options);
   const std::string part = file + ".part";
   std::size_t sweeps = 0;
@@ -160,7 +174,7 @@ std::size_t writeSimulationBag(const std::string& file, const Simulation& simula
     simulate(simulation, [&](const SensorConfig& sensor, const Sweep& sweep) {
       recorder.record(sensor, sweep);
       ++sweeps;
-      if (progress) progress(sweep.stamp + sensor.sweepDuration() - simulation.startTime());
+      if (watch) watch(sensor, sweep);
     });
     recorder.recordUntil(simulation.duration);
     bag.close();
@@ -171,6 +185,32 @@ std::size_t writeSimulationBag(const std::string& file, const Simulation& simula
     throw;
   }
   return sweeps;
+}
+
+sensor_msgs::Image toImage(const Image& image, const std_msgs::Header& header) {
+  sensor_msgs::Image message;
+  message.header = header;
+  message.width = image.width;
+  message.height = image.height;
+  message.encoding = image.channels == 3 ? "rgb8" : "mono8";
+  message.step = image.width * image.channels;
+  message.data = image.data;
+  return message;
+}
+
+sensor_msgs::CameraInfo toCameraInfo(const CameraModel& camera, const std_msgs::Header& header) {
+  sensor_msgs::CameraInfo message;
+  message.header = header;
+  message.width = camera.width;
+  message.height = camera.height;
+  message.distortion_model = "plumb_bob";
+  message.D.assign(5, 0.0);
+  message.K = {camera.fx, 0.0, camera.cx, 0.0, camera.fy, camera.cy, 0.0, 0.0, 1.0};
+  message.R = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0};
+  message.P = {camera.fx, 0.0,       camera.cx, -camera.fx * camera.baseline,  //
+               0.0,       camera.fy, camera.cy, 0.0,                           //
+               0.0,       0.0,       1.0,       0.0};
+  return message;
 }
 
 sensor_msgs::LaserScan toLaserScan(const PlanarScan& scan, const std::string& frame_id) {
