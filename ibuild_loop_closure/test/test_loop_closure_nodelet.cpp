@@ -277,6 +277,7 @@ class LoopClosureFuzz : public LoopClosure {
         }
       }
     });
+    expectDiagnostic("Nodelet", "Callbacks that failed", "0");
     std_srvs::Empty empty;
     ASSERT_TRUE(ros::service::call(name_ + "/reset", empty));
     const cv::Mat depth(240, 320, CV_16UC1, cv::Scalar(2000));

@@ -100,6 +100,8 @@ class LoopClosureNodelet : public mapping_common::Nodelet {
   void subscribe();
   template <class Message>
   void subscribePairs(const std::string& topic);
+  void pair(const std::string& sensor, const std::string& label, const std_msgs::Header& header,
+            const std::function<void()>& add);
   template <class Policy, class First, class Second>
   void subscribePair(const std::string& first_topic, const std::string& second_topic,
                      typename Synchronized<Policy, First, Second>::Callback arrived);
@@ -248,14 +250,23 @@ void LoopClosureNodelet::subscribePair(const std::string& first_topic, const std
   ros::NodeHandle& node = getNodeHandle();
   first_ = node.subscribe<First>(first_topic, parameters_.queue_size,
                                  [this, pairs](const boost::shared_ptr<const First>& first) {
-                                   if (arrivals_->accept(kImages, "Images", first->header))
-                                     pairs->addFirst(first);
+                                   pair(kImages, "Images", first->header, [&] { pairs->addFirst(first); });
                                  });
-  second_ = node.subscribe<Second>(second_topic, parameters_.queue_size,
-                                   [this, pairs](const boost::shared_ptr<const Second>& second) {
-                                     if (arrivals_->accept("second", "Second images", second->header))
-                                       pairs->addSecond(second);
-                                   });
+  second_ = node.subscribe<Second>(
+      second_topic, parameters_.queue_size, [this, pairs](const boost::shared_ptr<const Second>& second) {
+        pair("second", "Second images", second->header, [&] { pairs->addSecond(second); });
+      });
+}
+
+void LoopClosureNodelet::pair(const std::string& sensor, const std::string& label,
+                              const std_msgs::Header& header, const std::function<void()>& add) {
+  if (!arrivals_->accept(sensor, label, header)) return;
+  try {
+    add();
+  } catch (const std::runtime_error& e) {
+    arrivals_->drops().add(Arrivals::kMalformed,
+                           std::string("its stamp is too far from those of the other topic: ") + e.what());
+  }
 }
 
 template <class Message>
