@@ -14,7 +14,7 @@ jobs=$(awk -v cores="$(nproc)" '/^MemAvailable/ {n = int($2 / 1e6); print n < 1 
 packages_drivers=(
   build-essential catkin cmake
   ros-core-dev libdiagnostic-updater-dev libdynamic-reconfigure-config-init-mutex-dev libnodelet-dev libnodeletlib-dev
-  libtf2-msgs-dev libtf2-ros-dev pluginlib-dev
+  libtf2-eigen-dev libtf2-msgs-dev libtf2-ros-dev pluginlib-dev
   libboost-program-options-dev libeigen3-dev libtinyxml2-dev libyaml-cpp-dev
   libnodeletlib-tools rosbash tf2-tools
   python3-dynamic-reconfigure python3-rosbag python3-roslaunch python3-rosmsg python3-rosnode python3-rosparam
@@ -25,7 +25,7 @@ packages_drivers=(
 # To build all, and its tests. PCL is by far the largest.
 packages_build=(
   "${packages_drivers[@]}"
-  libcv-bridge-dev libimage-transport-dev libmap-msgs-dev libtf2-eigen-dev
+  libcv-bridge-dev libimage-transport-dev libmap-msgs-dev
   libboost-iostreams-dev libgtest-dev liblzma-dev liboctomap-dev libopencv-dev libpcl-dev libqhull-dev
   python3-rostest xz-utils
 )
