@@ -72,8 +72,8 @@ TEST_F(SickNodelet, ReconfiguresWithoutADevice) {
   call.request.config.doubles.resize(1);
   call.request.config.doubles[0].name = "time_offset";
   call.request.config.doubles[0].value = 0.25;
-  ASSERT_TRUE(ros::service::waitForService(name_ + "/reconfigure/set_parameters", ros::Duration(10.0)));
-  ASSERT_TRUE(ros::service::call(name_ + "/reconfigure/set_parameters", call));
+  ASSERT_TRUE(ros::service::waitForService(name_ + "/set_parameters", ros::Duration(10.0)));
+  ASSERT_TRUE(ros::service::call(name_ + "/set_parameters", call));
   expectDiagnostic("Device", "User Time Offset", "0.2500");
 }
 

@@ -99,7 +99,7 @@ TEST_F(ZfReaderNodelet, LoopsOverAllScansOnceToldTo) {
   change.request.config.bools.resize(1);
   change.request.config.bools[0].name = "loop";
   change.request.config.bools[0].value = 1;
-  ASSERT_TRUE(ros::service::call(name_ + "/reconfigure/set_parameters", change));
+  ASSERT_TRUE(ros::service::call(name_ + "/set_parameters", change));
   EXPECT_TRUE(waitFor([&] { return clouds_.messages.size() >= 6; }));
   EXPECT_EQ(test_ + "_1", clouds_.messages[4].header.frame_id);
   EXPECT_LT(clouds_.messages[2].header.stamp, clouds_.messages[4].header.stamp);

@@ -460,7 +460,7 @@ TEST_F(SlamNodeletTest, ReconfiguresWhileItRuns) {
     parameter.name = "cost";
     parameter.value = cost;
     service.request.config.strs.push_back(parameter);
-    EXPECT_TRUE(ros::service::call(name_ + "/reconfigure/set_parameters", service));
+    EXPECT_TRUE(ros::service::call(name_ + "/set_parameters", service));
     for (const auto& value : service.response.config.strs) {
       if (value.name == "cost") return value.value;
     }

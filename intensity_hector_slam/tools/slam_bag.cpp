@@ -62,7 +62,7 @@ SlamParameters readParameters(const Arguments& a) {
   if (!a.base.empty()) values["base_frame"] = a.base;
   if (a.reflectivity_scale != 0.0) values["reflectivity_scale"] = a.reflectivity_scale;
   SlamParameters parameters;
-  mapping_common::assign(parameters, values, {"reconfigure/"}, "~");
+  mapping_common::assign(parameters, values, {}, "~");
   parameters.resolve();
   return parameters;
 }

@@ -105,7 +105,7 @@ class ReflectivityNodelet : public mapping_common::NodeletTest {
     call.request.config.strs.resize(1);
     call.request.config.strs[0].name = parameter;
     call.request.config.strs[0].value = value;
-    EXPECT_TRUE(ros::service::call(name_ + "/reconfigure/set_parameters", call));
+    EXPECT_TRUE(ros::service::call(name_ + "/set_parameters", call));
   }
 
   mapping_common::TempDir dir_;

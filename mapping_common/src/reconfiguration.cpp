@@ -123,7 +123,7 @@ void toServer(const OptionList& options, const ros::NodeHandle& node) {
     std::visit(
         [&](const auto& value) {
           if constexpr (!std::is_same_v<std::decay_t<decltype(value)>, std::monostate>)
-            node.setParam(lastPartOf(option.name()), value);
+            node.setParam(option.name(), value);
         },
         option.get());
   }

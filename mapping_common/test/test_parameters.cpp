@@ -27,7 +27,6 @@ XmlRpc::XmlRpcValue make() {
   all["number"] = 7;  // roslaunch makes numbers of what looks like one
   all["model"]["scale"] = 2;
   all["on"] = true;
-  all["reconfigure"]["rate"] = 3;
   return all;
 }
 

@@ -307,7 +307,7 @@ TEST_F(MapPublisher, ColoursAndHeightsCanBeReconfigured) {
   call.request.config.doubles.resize(1);
   call.request.config.doubles[0].name = "occupancy_max_z";
   call.request.config.doubles[0].value = -100.0;
-  ASSERT_TRUE(ros::service::call(name_ + "/reconfigure/set_parameters", call));
+  ASSERT_TRUE(ros::service::call(name_ + "/set_parameters", call));
   ASSERT_TRUE(waitFor([&] { return occupied.messages.size() > 1 && grid.messages.size() > 1; }));
   std::set<float> greens;
   MarkerDisplay display;
@@ -319,7 +319,7 @@ TEST_F(MapPublisher, ColoursAndHeightsCanBeReconfigured) {
   EXPECT_EQ(voxelsIn(boxes(true)), voxelsIn(boxesOf(occupied.messages)));
   EXPECT_TRUE(knownPixels(grid.messages.back()).empty());
   call.request.config.strs[0].value = "pink";
-  ASSERT_TRUE(ros::service::call(name_ + "/reconfigure/set_parameters", call));
+  ASSERT_TRUE(ros::service::call(name_ + "/set_parameters", call));
   for (const auto& s : call.response.config.strs) EXPECT_EQ("occupancy", s.value) << s.name;
 }
 

@@ -478,7 +478,7 @@ TEST_F(MappingNodelet, RangeCanBeReconfigured) {
     call.request.config.doubles.resize(1);
     call.request.config.doubles[0].name = name;
     call.request.config.doubles[0].value = value;
-    EXPECT_TRUE(ros::service::call(name_ + "/reconfigure/set_parameters", call));
+    EXPECT_TRUE(ros::service::call(name_ + "/set_parameters", call));
     for (const auto& d : call.response.config.doubles) {
       if (d.name == name) return d.value;
     }
@@ -494,7 +494,12 @@ TEST_F(MappingNodelet, RangeCanBeReconfigured) {
   reference_.setRange(0.0, kInf);
   publish(room(2), "sensor", poseOf(0, 0, 0));
   EXPECT_TRUE(waitForMap(reference_));
-  // What was reconfigured doesn't outlive the nodelet, nor is it in its way.
+  // What was reconfigured is a parameter under its own name, with which the nodelet starts.
+  EXPECT_EQ(1.0, set("min_range", 1.0));
+  double min_range = 0.0;
+  EXPECT_TRUE(ros::param::get(name_ + "/sensor_model/min_range", min_range));
+  EXPECT_EQ(1.0, min_range);
+  EXPECT_FALSE(ros::param::has(name_ + "/min_range"));
   unload();
   EXPECT_TRUE(load());
 }

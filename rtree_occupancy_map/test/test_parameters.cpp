@@ -15,7 +15,7 @@ using mapping_common::mentions;
 MappingParameters read(const std::string& yaml) {
   const mapping_common::TempDir dir;
   MappingParameters parameters;
-  mapping_common::assign(parameters, mapping_common::loadYaml(dir.write("a.yaml", yaml)), {"reconfigure/"});
+  mapping_common::assign(parameters, mapping_common::loadYaml(dir.write("a.yaml", yaml)));
   return parameters;
 }
 
@@ -35,7 +35,7 @@ TEST(Parameters, ReachTheirOptions) {
   const auto p = read(R"(
     {resolution: 1, sensor_model: {type: endpoint, hit: 0.8, min_range: 2, max_range: 30},
      fusion: {rule: thesis, strategy: expansion}, tree: {min_entries: 20, max_entries: 50, split: rstar},
-     color_mode: reflectivity, reconfigure: {color_min: 3}})");
+     color_mode: reflectivity})");
   EXPECT_EQ(1.0, p.map.resolution);
   EXPECT_EQ(SensorModel::kEndPoint, p.map.sensor_model);
   EXPECT_EQ(0.8, p.map.prob_hit);

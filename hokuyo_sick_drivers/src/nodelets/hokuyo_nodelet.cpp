@@ -110,15 +110,12 @@ void HokuyoNodelet::start(mapping_common::Parameters& parameters) {
                     {"Scans", [this](StatusWrapper& status) { diagnoseScans(status); }}});
   const HokuyoParameters at_start = parameters_;
   connect(endpoint, *hokuyo_, {});
-  allowReconfiguration<HokuyoParameters>(
-      at_start,
-      [this](const HokuyoParameters& changed) {
-        ask([this, changed](Nanoseconds now) {
-          hokuyo_->configure(changed.settings, now);
-          parameters_ = changed;
-        });
-      },
-      "");
+  allowReconfiguration<HokuyoParameters>(at_start, [this](const HokuyoParameters& changed) {
+    ask([this, changed](Nanoseconds now) {
+      hokuyo_->configure(changed.settings, now);
+      parameters_ = changed;
+    });
+  });
   status_service_ = own.advertiseService("update_laser_status", &HokuyoNodelet::updateStatus, this);
 }
 

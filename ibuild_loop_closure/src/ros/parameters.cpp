@@ -4,7 +4,7 @@
 namespace ibuild_loop_closure {
 
 LoopClosureParameters readLoopClosureParameters(const mapping_common::Parameters& parameters) {
-  const std::vector<std::string> others = {"reconfigure/", "debug_image/"};  // image_transport's
+  const std::vector<std::string> others = {"debug_image/"};  // image_transport's
   LoopClosureParameters p;
   parameters.read(p, others);
   if (p.method == Method::kFull) return p;

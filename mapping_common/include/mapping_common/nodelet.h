@@ -47,14 +47,13 @@ class Nodelet : public nodelet::Nodelet {
   ///   or subscribed before: a manager doesn't survive the end of a nodelet's publishers in a failed start
   virtual void start(Parameters& parameters) = 0;
 
-  /// Lets a struct's dynamic options change while the nodelet runs, by rqt_reconfigure.
+  /// Lets a struct's dynamic options change while the nodelet runs, by rqt_reconfigure under the nodelet's
+  /// own name. What they were changed to is on the parameter server then.
   /// @param options as it was started
   /// @param apply gets changed ones that have been checked; where it throws, having changed nothing, those
   /// before stay
-  /// @param name_space under the nodelet's own
   template <class Options>
-  void allowReconfiguration(const Options& options, std::function<void(const Options&)> apply,
-                            const std::string& name_space = "reconfigure");
+  void allowReconfiguration(const Options& options, std::function<void(const Options&)> apply);
 
   /// Advertises a service. Where `work` throws, what it says is logged, and the call fails;
   /// std::invalid_argument is the caller's fault, and no failure of the nodelet.
@@ -109,11 +108,10 @@ class Nodelet : public nodelet::Nodelet {
 };
 
 template <class Options>
-void Nodelet::allowReconfiguration(const Options& options, std::function<void(const Options&)> apply,
-                                   const std::string& name_space) {
+void Nodelet::allowReconfiguration(const Options& options, std::function<void(const Options&)> apply) {
   using Config = Reconfiguration<Options>;
-  const auto server = std::make_shared<dynamic_reconfigure::Server<Config>>(
-      reconfigure_mutex_, ros::NodeHandle(getPrivateNodeHandle(), name_space));
+  const auto server =
+      std::make_shared<dynamic_reconfigure::Server<Config>>(reconfigure_mutex_, getPrivateNodeHandle());
   server->updateConfig(Config{options, ""});
   server->setCallback([this, accepted = options, apply](Config& changed, std::uint32_t) mutable {
     try {

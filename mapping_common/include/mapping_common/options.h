@@ -164,7 +164,7 @@ class OptionList {
   /// @return nullptr where there is none of that name
   Option* find(const std::string& name);
 
-  /// @param others how the names start that are somebody else's, e.g. "reconfigure/"
+  /// @param others how the names start that are somebody else's, e.g. "debug_image/"
   /// @throws std::invalid_argument that names the option, its value and what is expected; or those there are
   /// none of, what may be meant, and those there are
   void assign(const OptionValues& values, const std::vector<std::string>& others = {});

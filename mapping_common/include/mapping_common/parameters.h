@@ -21,7 +21,7 @@ class Parameters {
   /// are
   ///   none of, what may be meant, and those there are. The options are as they were then
   template <class Options>
-  void read(Options& options, const std::vector<std::string>& others = {"reconfigure/"}) const {
+  void read(Options& options, const std::vector<std::string>& others = {}) const {
     assign(options, values_, others, "~");
   }
 

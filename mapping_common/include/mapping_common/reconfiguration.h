@@ -18,6 +18,7 @@ void toMessage(const OptionList& options, dynamic_reconfigure::Config& message);
 /// @throws std::invalid_argument as Option::set
 void fromMessage(const dynamic_reconfigure::Config& message, OptionList options);
 dynamic_reconfigure::ConfigDescription describe(const OptionList& options);
+/// Sets the node's parameters, by their whole names.
 void toServer(const OptionList& options, const ros::NodeHandle& node);
 
 /// What dynamic_reconfigure::Server asks of a configuration; for others it usually generates that from a .cfg

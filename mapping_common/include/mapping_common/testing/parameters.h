@@ -94,7 +94,7 @@ template <class Parameters>
 std::string rejection(const std::string& path) {
   Parameters parameters;
   try {
-    assign(parameters, loadYaml(path), {"reconfigure/"}, "~");
+    assign(parameters, loadYaml(path), {}, "~");
   } catch (const std::invalid_argument& e) {
     return e.what();
   }
