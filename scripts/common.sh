@@ -7,6 +7,12 @@ workspace=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 cd "$workspace"
 export PATH=/usr/sbin:/usr/bin:/sbin:/bin  # Debian's python3, which has the ROS modules, before any other
 export LC_ALL=C.UTF-8 DEBIAN_FRONTEND=noninteractive
+
+# What the script that sources this says of itself at its head.
+usage() { sed -n '3,/^[^#]/s/^# \{0,1\}//p' "$workspace/scripts/${0##*/}"; }
+wrong_usage() { printf '%s: %s\n\n%s\n' "${0##*/}" "$*" "$(usage)" >&2; exit 2; }
+case "${1:-}" in -h | --help) usage; exit ;; esac
+
 # Compilers at a time: each needs up to a gigabyte.
 jobs=$(awk -v cores="$(nproc)" '/^MemAvailable/ {n = int($2 / 1e6); print n < 1 ? 1 : n < cores ? n : cores}' /proc/meminfo)
 
@@ -32,6 +38,7 @@ packages_build=(
 packages_pictures=(rviz xvfb imagemagick)
 packages_plots=(python3-matplotlib python3-yaml)
 packages_fuzz=(clang libeigen3-dev libtinyxml2-dev make)
+packages_format=(clang-format-14)
 
 say() { printf '\n== %s\n' "$*" >&2; }
 # took START: how long it took since $SECONDS was START
@@ -59,6 +66,12 @@ follow() {
     fi
   done 3>"$1"
   [ ! -t 2 ] || printf '\r\033[K' >&2
+}
+
+# The packages' C++ files.
+cpp_files() {
+  local files=(*/package.xml)
+  find "${files[@]%/package.xml}" -name '*.cpp' -o -name '*.h' | sort
 }
 
 # install_missing PACKAGE...

@@ -1,13 +1,18 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
 """Sums up JUnit results: prints each failed and skipped test, then "N passed, N failed, N skipped"."""
+import argparse
 import pathlib
 import sys
 import xml.etree.ElementTree as ElementTree
 
 
 def main():
-    results, log = pathlib.Path(sys.argv[1]), sys.argv[2]
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('results', type=pathlib.Path, help='folder of JUnit files')
+    parser.add_argument('log', help='where the output of the tests is')
+    arguments = parser.parse_args()
+    results, log = arguments.results, arguments.log
     passed = failed = skipped = 0
     for file in sorted(results.rglob('*.xml')):
         try:

@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
 #
-# Every program of the packages, as rosrun finds it: says how it is used, exits with 0 where that was asked for and with 2
-# where the usage was wrong, and doesn't end by a signal or in a traceback.
+# Every program of the packages, as rosrun finds it, and every script of the workspace: says how it is used, exits with 0
+# where that was asked for and with 2 where the usage was wrong, and doesn't end by a signal or in a traceback.
 import os
 import pathlib
+import re
 import subprocess
 import unittest
 
@@ -14,6 +15,7 @@ import rosunit
 PACKAGES = ['hokuyo_sick_drivers', 'ibuild_loop_closure', 'intensity_hector_slam', 'laser_intensity_calib',
             'mapping_common', 'mapping_simulation', 'rosbag_tests', 'rtree_occupancy_map']
 # Without matplotlib, figures can't be drawn, but help can be had: an empty module stands in its place.
+SCRIPTS = pathlib.Path(__file__).resolve().parents[2] / 'scripts'
 WITHOUT_MATPLOTLIB = str(pathlib.Path(__file__).resolve().parent / 'without_matplotlib')
 
 
@@ -23,6 +25,9 @@ def programs():
             for file in sorted(pathlib.Path(folder).iterdir()):
                 if os.access(str(file), os.X_OK) and file.is_file() and '_test_' not in file.name:
                     yield package, str(file)
+    for file in sorted(SCRIPTS.iterdir()):
+        if os.access(str(file), os.X_OK) and file.is_file():
+            yield 'scripts', str(file)
 
 
 def run(*command, **environment):
@@ -38,13 +43,14 @@ def run(*command, **environment):
 class ToolsTest(unittest.TestCase):
 
     def test_there_are_some(self):
-        self.assertGreater(len(list(programs())), 15)
+        self.assertGreater(len(list(programs())), 30)
 
     def check_each(self, arguments, exit_code, **environment):
         faults = []
         for package, program in programs():
             code, text = run(program, *arguments, **environment)
-            if code != exit_code or 'Traceback' in text or not ('usage' in text.lower() or '--help' in text):
+            says_how = re.search('usage|--help|scripts/' + pathlib.Path(program).name, text, re.IGNORECASE)
+            if code != exit_code or 'Traceback' in text or not says_how:
                 faults.append('%s %s: exit code %d, "%s"' % (package, program, code, text.strip()[-500:]))
         self.assertFalse(faults, '\n'.join(faults))
 
