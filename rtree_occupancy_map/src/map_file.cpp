@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <stdexcept>
 
 #include "insertion.h"
@@ -21,7 +22,7 @@ using mapping_common::ArchiveWriter;
 
 constexpr mapping_common::ArchiveFormat kFormat = {"RTREEMAP", "an R-tree occupancy map", 1, 2, 1};
 
-// Version 1 has enums as numbers, and all options in this order.
+// Version 1 has enums and splits as numbers, and all options in this order.
 template <class Enum>
 void readEnum(ArchiveReader& read, Enum& value) {
   const auto number = static_cast<Enum>(read.next<std::int32_t>());
@@ -43,7 +44,10 @@ void readOptions1(ArchiveReader& read, Options& o) {
   read(o.reflectivity);
   read(o.tree.min_entries);
   read(o.tree.max_entries);
-  readEnum(read, o.tree.split);
+  constexpr const char* kSplits[] = {"quadratic", "linear", "rstar"};
+  const auto split = read.next<std::uint32_t>();
+  if (split >= std::size(kSplits)) throw std::runtime_error("its options are out of range");
+  o.tree.split = kSplits[split];
 }
 
 Options readOptions(ArchiveReader& read) {

@@ -7,8 +7,6 @@
 #include <stdexcept>
 #include <tuple>
 
-#include "rtree_split.h"
-
 namespace rtree_occupancy_map {
 namespace {
 
@@ -35,7 +33,8 @@ std::size_t share(std::size_t n, std::size_t nodes, std::size_t i) {
 
 }  // namespace
 
-RTree::RTree(const RTreeOptions& options) : options_(mapping_common::validate(options)) {
+RTree::RTree(const RTreeOptions& options)
+    : options_(mapping_common::validate(options)), split_(mapping_common::valueOf(splits(), options.split)) {
   const std::size_t entry =
       sizeof(VoxelBox) + sizeof(Payload) + (options_.store_reflectivity ? sizeof(Reflectivity) : 0);
   stride_ = sizeof(Node) + entry * options_.max_entries;
@@ -186,7 +185,7 @@ void RTree::split(NodeId id, const Entry& extra) {
   for (int i = 0; i < n->count; ++i) entries.push_back(entryAt(n, i));
   entries.push_back(extra);
   for (const Entry& e : entries) entry_boxes.push_back(e.box);
-  const std::vector<std::uint8_t> group = splitBoxes(options_.split, entry_boxes, options_.min_entries);
+  const std::vector<std::uint8_t> group = split_(entry_boxes, options_.min_entries);
 
   const NodeId sibling = allocateNode(n->level);
   const NodeId ids[2] = {id, sibling};

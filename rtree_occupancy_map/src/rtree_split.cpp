@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "rtree_split.h"
-
+//
+// What divides a full node. Each split is a function and a row of the table at the end.
 #include <algorithm>
 #include <cmath>
 #include <numeric>
 #include <tuple>
+
+#include "rtree_occupancy_map/rtree.h"
 
 namespace rtree_occupancy_map {
 namespace {
@@ -166,17 +168,12 @@ std::vector<std::uint8_t> splitRStar(const std::vector<VoxelBox>& boxes, int min
 
 }  // namespace
 
-std::vector<std::uint8_t> splitBoxes(SplitMethod method, const std::vector<VoxelBox>& boxes,
-                                     int min_entries) {
-  switch (method) {
-    case SplitMethod::kLinear:
-      return splitLinear(boxes, min_entries);
-    case SplitMethod::kRStar:
-      return splitRStar(boxes, min_entries);
-    case SplitMethod::kQuadratic:
-      break;
-  }
-  return splitQuadratic(boxes, min_entries);
+const mapping_common::Table<Split>& splits() {
+  static const mapping_common::Table<Split> table{
+      {"quadratic", splitQuadratic, "Guttman's, the thesis's choice"},
+      {"linear", splitLinear, "Guttman's, faster"},
+      {"rstar", splitRStar, "the R*-tree's (Beckmann et al. 1990), without its forced re-insertion"}};
+  return table;
 }
 
 }  // namespace rtree_occupancy_map

@@ -65,7 +65,7 @@ OccupancyMap makeMap(bool reflectivity, int scans) {
   o.reflectivity = reflectivity;
   o.tree.max_entries = 8;
   o.tree.min_entries = 3;
-  o.tree.split = SplitMethod::kRStar;
+  o.tree.split = "rstar";
   o.search_order = "yxz";
   OccupancyMap map(o);
   RandomScans random(2);
@@ -85,7 +85,7 @@ TEST_F(MapFileTest, ComesBackAndGoesOn) {
     EXPECT_EQ(files(), std::vector<std::string>{"test.map"});  // nothing temporary is left
     EXPECT_EQ(loaded.options().resolution, 0.25);
     EXPECT_EQ(loaded.options().tree.max_entries, 8);
-    EXPECT_EQ(loaded.options().tree.split, SplitMethod::kRStar);
+    EXPECT_EQ(loaded.options().tree.split, "rstar");
     EXPECT_EQ(loaded.options().search_order, "yxz");
     EXPECT_EQ(loaded.tree().checkInvariants(), "");
 
@@ -108,6 +108,23 @@ TEST_F(MapFileTest, ComesBackAndGoesOn) {
   }
 }
 
+TEST_F(MapFileTest, EachSplitComesBack) {
+  for (const auto& split : splits()) {
+    Options o;
+    o.tree.split = split.name;
+    OccupancyMap map(o);
+    map.insertScan(RandomScans(3).next(100));
+    map.save(path_);
+    OccupancyMap loaded = OccupancyMap::load(path_);
+    EXPECT_EQ(split.name, loaded.options().tree.split);
+    const Scan scan = RandomScans(4).next(100);
+    map.insertScan(scan);
+    loaded.insertScan(scan);
+    EXPECT_EQ(map.tree().size(), loaded.tree().size());
+    EXPECT_EQ("", loaded.tree().checkInvariants());
+  }
+}
+
 // The bytes of version 1 were written by the program that wrote that version.
 TEST_F(MapFileTest, OlderVersionsAreRead) {
   const OccupancyMap map = OccupancyMap::load(PACKAGE_DIR "/test/files/version1.map");
@@ -122,7 +139,7 @@ TEST_F(MapFileTest, OlderVersionsAreRead) {
   EXPECT_EQ(7u, o.seed);
   EXPECT_FALSE(o.dynamic);
   EXPECT_EQ(3, o.tree.min_entries);
-  EXPECT_EQ(SplitMethod::kRStar, o.tree.split);
+  EXPECT_EQ("rstar", o.tree.split);
   ASSERT_EQ(3u, map.tree().size());
   for (int i = 0; i < 3; ++i) {
     const std::optional<Cell> cell = map.cellAt(Voxel{4 + 4 * i, 0, 0});

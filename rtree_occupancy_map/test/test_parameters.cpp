@@ -44,7 +44,7 @@ TEST(Parameters, ReachTheirOptions) {
   EXPECT_EQ(FusionRule::kThesis, p.map.fusion_rule);
   EXPECT_EQ(FusionStrategy::kExpansion, p.map.fusion_strategy);
   EXPECT_EQ(20, p.map.tree.min_entries);
-  EXPECT_EQ(SplitMethod::kRStar, p.map.tree.split);
+  EXPECT_EQ("rstar", p.map.tree.split);
   EXPECT_EQ(ColorMode::kReflectivity, p.display.color.mode);
   EXPECT_EQ(0.0, p.display.color.min);
   EXPECT_TRUE(std::isinf(read("sensor_model: {max_range: -1}").map.max_range));

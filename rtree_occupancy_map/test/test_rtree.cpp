@@ -11,7 +11,6 @@
 
 #include "plain_grid.h"
 #include "rtree_occupancy_map/rtree.h"
-#include "rtree_split.h"
 
 namespace rtree_occupancy_map {
 
@@ -29,7 +28,7 @@ std::vector<Cell> sorted(std::vector<Cell> cells) {
   return cells;
 }
 
-class RTreeTest : public ::testing::TestWithParam<std::tuple<std::pair<int, int>, SplitMethod>> {
+class RTreeTest : public ::testing::TestWithParam<std::tuple<std::pair<int, int>, std::string>> {
  protected:
   RTreeTest() : random_(42 + testSeed()), tree_(options()) {}
 
@@ -260,8 +259,7 @@ INSTANTIATE_TEST_SUITE_P(Orders, RTreeTest,
                          ::testing::Combine(::testing::Values(std::make_pair(1, 2), std::make_pair(2, 4),
                                                               std::make_pair(1, 5), std::make_pair(6, 16),
                                                               std::make_pair(32, 64)),
-                                            ::testing::Values(SplitMethod::kQuadratic, SplitMethod::kLinear,
-                                                              SplitMethod::kRStar)));
+                                            ::testing::ValuesIn(mapping_common::namesOf(splits()))));
 
 TEST(RTreeOptions, RefusesBadOrdersByName) {
   const auto message = [](int d, int M) -> std::string {
@@ -301,14 +299,14 @@ TEST(RTree, KeepsReflectivityOnlyIfAsked) {
   }
 }
 
-class SplitTest : public ::testing::TestWithParam<SplitMethod> {};
+class SplitTest : public ::testing::TestWithParam<mapping_common::Choice<Split>> {};
 
 TEST_P(SplitTest, SeparatesTwoClusters) {
   std::vector<VoxelBox> boxes;
   for (int i = 0; i < 5; ++i) boxes.push_back(VoxelBox::unit({i % 2, i / 2, 0}));
   for (int i = 0; i < 4; ++i) boxes.push_back(VoxelBox::unit({100 + i % 2, i / 2, 7}));
   std::swap(boxes[1], boxes[7]);
-  const std::vector<std::uint8_t> group = splitBoxes(GetParam(), boxes, 2);
+  const std::vector<std::uint8_t> group = GetParam().value(boxes, 2);
   for (std::size_t i = 0; i < boxes.size(); ++i) {
     EXPECT_EQ(group[i] == group[0], boxes[i].min[0] < 50) << i;
   }
@@ -325,7 +323,7 @@ TEST_P(SplitTest, FillsBothGroups) {
         b.max[i % 3] = static_cast<std::int16_t>(b.min[i % 3] + size(random));
         boxes.push_back(b);
       }
-      const std::vector<std::uint8_t> group = splitBoxes(GetParam(), boxes, d);
+      const std::vector<std::uint8_t> group = GetParam().value(boxes, d);
       const auto ones = std::count(group.begin(), group.end(), 1),
                  zeros = std::count(group.begin(), group.end(), 0);
       EXPECT_EQ(ones + zeros, n);
@@ -335,9 +333,8 @@ TEST_P(SplitTest, FillsBothGroups) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(All, SplitTest,
-                         ::testing::Values(SplitMethod::kQuadratic, SplitMethod::kLinear,
-                                           SplitMethod::kRStar));
+INSTANTIATE_TEST_SUITE_P(All, SplitTest, ::testing::ValuesIn(splits()),
+                         [](const auto& info) { return std::string(info.param.name); });
 
 // The example of Fig. 2.3's kind, worked out by hand: the seeds are the most wasteful pair (0 and 3), box 1
 // prefers 0's group by 18 - 4, box 2 prefers 3's.
@@ -347,8 +344,8 @@ TEST(QuadraticSplit, FollowsTheMetric) {
     b.max = {{static_cast<std::int16_t>(x1), static_cast<std::int16_t>(y1), 1}};
     return b;
   };
-  const std::vector<std::uint8_t> group = splitBoxes(
-      SplitMethod::kQuadratic, {box(0, 0, 2, 2), box(2, 0, 4, 2), box(7, 5, 8, 7), box(8, 6, 10, 8)}, 1);
+  const std::vector<std::uint8_t> group = mapping_common::valueOf(splits(), "quadratic")(
+      {box(0, 0, 2, 2), box(2, 0, 4, 2), box(7, 5, 8, 7), box(8, 6, 10, 8)}, 1);
   EXPECT_EQ(group, (std::vector<std::uint8_t>{0, 0, 1, 1}));
 }
 

@@ -30,14 +30,16 @@ using OptionValues = std::map<std::string, OptionValue>;
 /// As users write it, for messages and YAML: true, 3, 0.5, 'text'.
 std::string toText(const OptionValue& value);
 
-/// What an enum's value is called. Beside each enum stands a function choicesOf(Enum) that returns all of
-/// them.
-template <class Enum>
+/// What a value is called. Beside each enum stands a function choicesOf(Enum) that returns all of them; of
+/// functions and classes that do the same in different ways there is a table.
+template <class T>
 struct Choice {
   const char* name;
-  Enum value;
+  T value;
   const char* text = "";  ///< what it does
 };
+template <class T>
+using Table = std::vector<Choice<T>>;
 
 template <class Enum, std::size_t N>
 constexpr std::array<Choice<Enum>, N> choices(const Choice<Enum> (&all)[N]) {
@@ -54,14 +56,24 @@ std::string nameOf(Enum value) {
 }
 
 /// @throws std::invalid_argument that names those there are
-template <class Enum>
-Enum valueOf(const std::string& name) {
+template <class Choices>
+auto valueOf(const Choices& choices, const std::string& name) {
   std::string names;
-  for (const auto& choice : choicesOf(Enum())) {
+  for (const auto& choice : choices) {
     if (choice.name == name) return choice.value;
     names += (names.empty() ? "" : " | ") + std::string(choice.name);
   }
   throw std::invalid_argument('\'' + name + "' is none of " + names);
+}
+template <class Enum>
+Enum valueOf(const std::string& name) {
+  return valueOf(choicesOf(Enum()), name);
+}
+template <class T>
+std::vector<std::string> namesOf(const Table<T>& table) {
+  std::vector<std::string> names;
+  for (const Choice<T>& row : table) names.emplace_back(row.name);
+  return names;
 }
 
 /// One option: where its value is, and what is said of it.
@@ -84,6 +96,11 @@ class Option {
   Option& inDegrees() { return scale_ = 180.0 / 3.14159265358979323846, *this; }
   /// What a string may be. An enum's names are known.
   Option& oneOf(const std::vector<std::string>& names);
+  template <class T>
+  Option& oneOf(const Table<T>& table) {
+    for (const Choice<T>& row : table) choices_.emplace_back(row.name, row.text);
+    return *this;
+  }
   Option& notEmpty() { return not_empty_ = true, *this; }
   /// May change while the program runs.
   Option& dynamic() { return dynamic_ = true, *this; }

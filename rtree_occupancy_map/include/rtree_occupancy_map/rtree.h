@@ -19,20 +19,16 @@
 
 namespace rtree_occupancy_map {
 
-/// Of a full node.
-enum class SplitMethod { kQuadratic, kLinear, kRStar };
-constexpr auto choicesOf(SplitMethod) {
-  return mapping_common::choices<SplitMethod>(
-      {{"quadratic", SplitMethod::kQuadratic, "Guttman's, the thesis's choice"},
-       {"linear", SplitMethod::kLinear, "Guttman's, faster"},
-       {"rstar", SplitMethod::kRStar,
-        "the R*-tree's (Beckmann et al. 1990), without its forced re-insertion"}});
-}
+/// Divides the boxes of an overfull node in two groups of at least `min_entries` each.
+/// @return the group, 0 or 1, of each box
+using Split = std::vector<std::uint8_t> (*)(const std::vector<VoxelBox>& boxes, int min_entries);
+/// All there are, by the names that RTreeOptions::split and map files have for them.
+const mapping_common::Table<Split>& splits();
 
 struct RTreeOptions {
   int min_entries = 6, max_entries = 16;  ///< d, M
-  SplitMethod split = SplitMethod::kQuadratic;
-  float occupied_log_odds = 0.0F;  ///< cells from here up count as occupied: see visitOccupied
+  std::string split = "quadratic";        ///< a name of splits()
+  float occupied_log_odds = 0.0F;         ///< cells from here up count as occupied: see visitOccupied
   bool store_reflectivity =
       false;  ///< otherwise the cells' reflectivity is dropped, which saves 8 bytes a cell
 
@@ -40,7 +36,7 @@ struct RTreeOptions {
     o("min_entries", min_entries, "", "d: least number of entries of a node that isn't the root, up to M / 2")
         .within(1, 128);
     o("max_entries", max_entries, "", "M: greatest number of entries of a node").within(2, 256);
-    o("split", split, "", "of a full node");
+    o("split", split, "", "of a full node").oneOf(splits());
     o.require(min_entries <= max_entries / 2, "min_entries", "1 to half of max_entries");
   }
 };
@@ -248,6 +244,7 @@ class RTree {
   void rebuild(std::vector<Entry>& entries);
 
   RTreeOptions options_;
+  Split split_ = nullptr;
   std::size_t stride_ = 0;
   std::vector<std::unique_ptr<char[]>> chunks_;
   std::vector<NodeId> free_;
