@@ -38,6 +38,8 @@ packages_build=(
 packages_pictures=(rviz xvfb imagemagick)
 packages_plots=(python3-matplotlib python3-yaml)
 packages_fuzz=(clang libeigen3-dev libtinyxml2-dev make)
+# Clang's sanitizers, which Debian 11 has in clang itself.
+grep -q '^VERSION_ID="11"' /etc/os-release || packages_fuzz+=(libclang-rt-dev)
 packages_format=(clang-format-14)
 
 say() { printf '\n== %s\n' "$*" >&2; }

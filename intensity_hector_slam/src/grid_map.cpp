@@ -209,7 +209,8 @@ void GridMap::grow(int left, int right, int below, int above) {
     std::copy_n(&cells_[from], width_, &grown.cells_[to]);
     std::copy_n(&counts_[from], width_, &grown.counts_[to]);
   }
-  if (!touched_.isEmpty()) grown.touched_ = touched_.translated(Eigen::Vector2i(left, below));
+  grown.touched_ = touched_;
+  if (!touched_.isEmpty()) grown.touched_.translate(Eigen::Vector2i(left, below));
   *this = std::move(grown);
 }
 
