@@ -42,6 +42,12 @@ class Checksum {
   static constexpr std::uint64_t kOffset = 14695981039346656037u, kPrime = 1099511628211u;
 };
 
+/// Whether a value can be written and read as the bytes it lies in. The points of OpenCV 4.5.1 are not trivially
+/// copyable, by copy constructors that do just that.
+template <class T>
+inline constexpr bool kIsItsBytes = std::is_trivially_copyable_v<T> ||
+                                    (std::is_standard_layout_v<T> && std::is_trivially_destructible_v<T>);
+
 /// Writes an archive's content: numbers and plain structs as they are in memory, strings with their length
 /// (uint32) and vectors with their count (uint64) before them.
 class ArchiveWriter {
@@ -52,13 +58,13 @@ class ArchiveWriter {
 
   template <class T>
   void operator()(const T& value) {
-    static_assert(std::is_trivially_copyable_v<T>);
+    static_assert(kIsItsBytes<T>);
     bytes(&value, sizeof(T));
   }
   void operator()(const std::string& text);
   template <class T>
   void operator()(const std::vector<T>& values) {
-    static_assert(std::is_trivially_copyable_v<T>);
+    static_assert(kIsItsBytes<T>);
     (*this)(static_cast<std::uint64_t>(values.size()));
     bytes(values.data(), values.size() * sizeof(T));
   }
@@ -87,14 +93,14 @@ class ArchiveReader {
 
   template <class T>
   void operator()(T& value) {
-    static_assert(std::is_trivially_copyable_v<T>);
+    static_assert(kIsItsBytes<T>);
     copy(&value, 1, sizeof(T));
   }
   void operator()(bool& value);
   void operator()(std::string& text);
   template <class T>
   void operator()(std::vector<T>& values) {
-    static_assert(std::is_trivially_copyable_v<T>);
+    static_assert(kIsItsBytes<T>);
     values.resize(count(sizeof(T)));
     copy(values.data(), values.size(), sizeof(T));
   }
