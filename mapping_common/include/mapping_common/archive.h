@@ -42,8 +42,8 @@ class Checksum {
   static constexpr std::uint64_t kOffset = 14695981039346656037u, kPrime = 1099511628211u;
 };
 
-/// Whether a value can be written and read as the bytes it lies in. The points of OpenCV 4.5.1 are not trivially
-/// copyable, by copy constructors that do just that.
+/// Whether a value can be written and read as the bytes it lies in. The points of OpenCV 4.5.1 are not
+/// trivially copyable, by copy constructors that do just that.
 template <class T>
 inline constexpr bool kIsItsBytes = std::is_trivially_copyable_v<T> ||
                                     (std::is_standard_layout_v<T> && std::is_trivially_destructible_v<T>);
