@@ -101,7 +101,7 @@ void GridMap::update(const Scan& scan, const Pose& pose, const MapOptions& optio
     if (contains(ends_[i])) box.extend(ends_[i]);
   }
   marks_.reset(box);
-  touched_.extend(box);
+  observed_box_.extend(box);
   for (std::size_t i = 0; i < ends_.size(); ++i) {
     if (!contains(ends_[i])) continue;
     // Neighbouring beams that end in one cell cross the same cells.
@@ -190,15 +190,15 @@ void GridMap::markBeam(const Eigen::Vector2i& from, const Eigen::Vector2i& to, d
   clear(length - unsure, length, Marks::kClearUnknown);
 }
 
-// No more than what was touched: a large map is much slower to fill than a scan.
+// No more than what was observed: a large map is much slower to fill than a scan.
 void GridMap::clear() {
-  if (touched_.isEmpty()) return;
-  const std::size_t columns = touched_.sizes().x() + 1;
-  for (int y = touched_.min().y(); y <= touched_.max().y(); ++y) {
-    std::fill_n(&cells_[index(touched_.min().x(), y)], columns, Cell{});
-    std::fill_n(&counts_[index(touched_.min().x(), y)], columns, 0);
+  if (observed_box_.isEmpty()) return;
+  const std::size_t columns = observed_box_.sizes().x() + 1;
+  for (int y = observed_box_.min().y(); y <= observed_box_.max().y(); ++y) {
+    std::fill_n(&cells_[index(observed_box_.min().x(), y)], columns, Cell{});
+    std::fill_n(&counts_[index(observed_box_.min().x(), y)], columns, 0);
   }
-  touched_.setEmpty();
+  observed_box_.setEmpty();
 }
 
 void GridMap::grow(int left, int right, int below, int above) {
@@ -209,22 +209,22 @@ void GridMap::grow(int left, int right, int below, int above) {
     std::copy_n(&cells_[from], width_, &grown.cells_[to]);
     std::copy_n(&counts_[from], width_, &grown.counts_[to]);
   }
-  grown.touched_ = touched_;
-  if (!touched_.isEmpty()) grown.touched_.translate(Eigen::Vector2i(left, below));
+  grown.observed_box_ = observed_box_;
+  if (!observed_box_.isEmpty()) grown.observed_box_.translate(Eigen::Vector2i(left, below));
   *this = std::move(grown);
 }
 
 void GridMap::set(int x, int y, const Cell& cell, std::uint16_t count) {
-  touched_.extend(Eigen::Vector2i(x, y));
+  observed_box_.extend(Eigen::Vector2i(x, y));
   cells_[index(x, y)] = cell;
   counts_[index(x, y)] = count;
 }
 
 Eigen::AlignedBox2i GridMap::knownCells() const {
   Eigen::AlignedBox2i box;
-  if (touched_.isEmpty()) return box;
-  for (int y = touched_.min().y(); y <= touched_.max().y(); ++y) {
-    for (int x = touched_.min().x(); x <= touched_.max().x(); ++x) {
+  if (observed_box_.isEmpty()) return box;
+  for (int y = observed_box_.min().y(); y <= observed_box_.max().y(); ++y) {
+    for (int x = observed_box_.min().x(); x <= observed_box_.max().x(); ++x) {
       if (isKnown(cell(x, y))) box.extend(Eigen::Vector2i(x, y));
     }
   }

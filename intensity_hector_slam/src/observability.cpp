@@ -34,28 +34,28 @@ double textureAlong(const Vector3d& motion, const Scan& scan, const std::vector<
 
 }  // namespace
 
-Touched touch(const GridMap& map, const Beams& beams, const Pose& pose) {
+Overlap overlapOf(const GridMap& map, const Beams& beams, const Pose& pose) {
   const double cells = 1.0 / map.resolution();
   const float c = cells * std::cos(pose.z()), s = cells * std::sin(pose.z());
   const float u0 = cells * (pose.x() - map.origin().x()), v0 = cells * (pose.y() - map.origin().y());
-  Touched touched;
-  touched.occupied.assign(beams.count, 0);
+  Overlap overlap;
+  overlap.occupied.assign(beams.count, 0);
   std::size_t occupied = 0, free = 0;
   for (std::size_t i = 0; i < beams.count; ++i) {
     const float u = c * beams.x[i] - s * beams.y[i] + u0, v = s * beams.x[i] + c * beams.y[i] + v0;
     if (!(u >= 0.0f && v >= 0.0f && u < map.width() && v < map.height())) continue;
     const GridMap::Cell& cell = map.cell(static_cast<int>(u), static_cast<int>(v));
-    touched.occupied[i] = GridMap::isOccupied(cell);
-    occupied += touched.occupied[i];
+    overlap.occupied[i] = GridMap::isOccupied(cell);
+    occupied += overlap.occupied[i];
     free += GridMap::isFree(cell);
   }
   const double n = std::max<std::size_t>(1, beams.count);
-  touched.share_occupied = occupied / n;
-  touched.share_free = free / n;
-  return touched;
+  overlap.share_occupied = occupied / n;
+  overlap.share_free = free / n;
+  return overlap;
 }
 
-Observability observe(const Scan& scan, const Touched& touched, const Pose& pose, double mean_range,
+Observability observe(const Scan& scan, const Overlap& overlap, const Pose& pose, double mean_range,
                       bool uses_occupancy, bool uses_reflectivity, const MatcherOptions& options) {
   std::vector<Known> surface;
   Matrix3d information = Matrix3d::Zero();
@@ -67,7 +67,7 @@ Observability observe(const Scan& scan, const Touched& touched, const Pose& pose
       j << rotation * direction, by_angle / mean_range;
       return j;
     };
-    const auto occupied = touched.occupied.begin();
+    const auto occupied = overlap.occupied.begin();
     const double points = std::count(occupied + piece.begin, occupied + piece.end, 1);
     const Known known{piece, jacobian(piece.normal), jacobian({piece.normal.y(), -piece.normal.x()}), points};
     // Noise turns normals, which looks like information along the surface.
@@ -79,7 +79,7 @@ Observability observe(const Scan& scan, const Touched& touched, const Pose& pose
   Observability result;
   for (int i = 0; i < 3; ++i) {
     const double share =
-        std::max(0.0, solver.eigenvalues()[i]) / std::max(kTouched, solver.eigenvalues().z());
+        std::max(0.0, solver.eigenvalues()[i]) / std::max(kLeastInformation, solver.eigenvalues().z());
     if (share >= std::max(options.min_observability, options.min_geometry)) continue;
     const Vector3d v = solver.eigenvectors().col(i);
     const bool textured = uses_reflectivity && textureAlong(v, scan, surface) >= options.min_texture;

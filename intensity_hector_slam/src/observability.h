@@ -10,17 +10,19 @@
 
 namespace intensity_hector_slam {
 
-/// Least eigenvalue that tells anything: those of a scan that touches no known cell are near 0.
-constexpr double kTouched = 1e-3;
+/// Least eigenvalue of an information matrix that tells anything: those of a scan with no point on an
+/// occupied cell are near 0.
+constexpr double kLeastInformation = 1e-3;
 
 /// Where the points of a scan are on a map.
-struct Touched {
+struct Overlap {
   std::vector<std::uint8_t> occupied;  ///< of each point, 1 where the cell is known as occupied
   double share_occupied = 0.0, share_free = 0.0;
 };
-Touched touch(const GridMap& map, const Beams& beams, const Pose& pose);
+Overlap overlapOf(const GridMap& map, const Beams& beams, const Pose& pose);
 
-/// Projections of poses, with angles in units of the scan's mean range, on what each kind of residuals tells.
+/// Projections of poses, with angles in units of the scan's mean range, on what the residuals of each channel
+/// tell.
 struct Observability {
   Eigen::Matrix3d occupancy = Eigen::Matrix3d::Identity(), reflectivity = Eigen::Matrix3d::Identity();
   bool full = true;
@@ -31,7 +33,7 @@ struct Observability {
 /// occupancy, n the normal. Along the surfaces, only their reflectivity tells. Surfaces that the map doesn't
 /// have tell nothing.
 /// @param mean_range m, of the scan
-Observability observe(const Scan& scan, const Touched& touched, const Pose& pose, double mean_range,
+Observability observe(const Scan& scan, const Overlap& overlap, const Pose& pose, double mean_range,
                       bool uses_occupancy, bool uses_reflectivity, const MatcherOptions& options);
 
 }  // namespace intensity_hector_slam

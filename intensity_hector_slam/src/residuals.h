@@ -15,7 +15,8 @@ class Sums {
   Sums(RobustKernel kernel, float scale)
       : kernel_(kernel), scale_(scale), inverse_square_(1.0f / (scale * scale)) {}
 
-  // e: residual; dx, dy, dt: derivatives of the map's value by the pose; mask: 0 for beams that don't count
+  // e: residual; dx, dy, dt: J, the derivatives of -e by the pose, in cells and radians; mask: 0 for beams
+  // that don't count
   void add(Eigen::Array4f e, const Eigen::Array4f& dx, const Eigen::Array4f& dy, const Eigen::Array4f& dt,
            const Eigen::Array4f& mask) {
     e *= mask;
@@ -39,19 +40,18 @@ class Sums {
   double cost() const { return (cost_ + scale_ * scale_ * product_.log()).sum(); }
 
   // From cells to metres: derivatives by the angle are per radian already.
-  ScanMatcher::NormalEquation addTo(ScanMatcher::Linearization& total, double weight,
-                                    double cells_per_metre) {
+  void addTo(Linearization& total, NormalEquation& equation, double weight, double cells_per_metre) const {
     total.squares += weight * squares_.sum();
     total.weights += weight * weights_.sum();
     const double m = weight * cells_per_metre, mm = m * cells_per_metre;
-    ScanMatcher::NormalEquation equation;
-    equation.cost = weight * cost();
-    total.cost += equation.cost;
-    equation.hessian << mm * xx_.sum(), mm * xy_.sum(), m * xt_.sum(),  //
-        mm * xy_.sum(), mm * yy_.sum(), m * yt_.sum(),                  //
+    total.cost += weight * cost();
+    equation.cost += weight * cost();
+    Eigen::Matrix3d hessian;
+    hessian << mm * xx_.sum(), mm * xy_.sum(), m * xt_.sum(),  //
+        mm * xy_.sum(), mm * yy_.sum(), m * yt_.sum(),         //
         m * xt_.sum(), m * yt_.sum(), weight * tt_.sum();
-    equation.gradient << m * xe_.sum(), m * ye_.sum(), weight * te_.sum();
-    return equation;
+    equation.hessian += hessian;
+    equation.gradient += Eigen::Vector3d(m * xe_.sum(), m * ye_.sum(), weight * te_.sum());
   }
 
  private:

@@ -84,8 +84,8 @@ bool parse(int argc, char** argv, Arguments& a) {
   add("bag", po::value(&a.bag.bag), "recording, instead of the generated room");
   add("scan", po::value(&a.bag.scan_topic)->default_value("scan"), "its topic of scans");
   add("odom", po::value(&a.bag.odom_frame), "its frame of odometry; without: none is used");
-  add("cost", po::value(&a.cost),
-      "occupancy | reflectivity | combined | auto; by default the configuration's");
+  const std::string all_costs = mapping_common::Option("cost", a.cost, "", "").oneOf(costs()).allowed();
+  add("cost", po::value(&a.cost), (all_costs + "; by default the configuration's").c_str());
   add("config", po::value(&a.config),
       "YAML file with the nodelet's parameters; by default 3 levels of 25 mm");
   po::variables_map values;

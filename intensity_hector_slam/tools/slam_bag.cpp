@@ -39,8 +39,8 @@ bool parse(int argc, char** argv, Arguments& a) {
   add("odom", po::value(&a.bag.odom_frame), "fixed frame of the odometry in tf, the first guess");
   add("odom-topic", po::value(&a.bag.odom_topic), "odometry of a topic (nav_msgs/Odometry) instead");
   add("base", po::value(&a.base), "frame of the body; by default the configuration's base_frame");
-  add("cost", po::value(&a.cost),
-      "occupancy | reflectivity | combined | auto; by default the configuration's");
+  const std::string all_costs = mapping_common::Option("cost", a.cost, "", "").oneOf(costs()).allowed();
+  add("cost", po::value(&a.cost), (all_costs + "; by default the configuration's").c_str());
   add("reflectivity-scale", po::value(&a.reflectivity_scale),
       "factor on intensities; by default the configuration's");
   add("config", po::value(&a.config), "YAML file with the nodelet's parameters");

@@ -8,6 +8,7 @@
                                               what relations_metric and trajectory_error --json have written
 """
 import argparse
+import itertools
 import json
 import math
 import pathlib
@@ -23,7 +24,7 @@ except ImportError as error:
 else:
     missing = None
 
-COSTS = {'occupancy': '#d55e00', 'reflectivity': '#0072b2', 'combined': '#009e73', 'auto': '#cc79a7'}
+COLORS = ('#d55e00', '#0072b2', '#009e73', '#cc79a7', '#e69f00', '#56b4e9', '#000000')  # of costs, in order
 UNKNOWN = '#bebebe'  # as evaluate_slam draws it
 ROTATION = ('rotation_rad', 'rotation (deg)', 180.0 / math.pi)
 METRES = (('translation_m', 'translation (m)', 1.0), ROTATION)
@@ -86,7 +87,9 @@ class Scenario:
     def __init__(self, folder, name):
         self.path = lambda suffix: folder / (name + '-' + suffix)
         self.name = name
-        self.costs = [cost for cost in COSTS if self.path(cost + '.json').exists()]
+        runs = read(folder / 'evaluation.json')
+        self.costs = list(dict.fromkeys(run['cost'] for run in runs if run['scenario'] == name))
+        self.colors = dict(zip(self.costs, itertools.cycle(COLORS)))
         self.truth = numpy.loadtxt(str(self.path('truth.tum')), ndmin=2)
         self.estimates = {cost: numpy.loadtxt(str(self.path(cost + '.tum')), ndmin=2) for cost in self.costs}
         self.runs = {cost: read(self.path(cost + '.json')) for cost in self.costs}
@@ -115,15 +118,15 @@ def plot_errors(scenario):
     lowest = {}
     for cost in scenario.costs:
         estimate = scenario.estimates[cost]
-        trajectories.plot(estimate[:, 1], estimate[:, 2], color=COSTS[cost], linewidth=1.2,
+        trajectories.plot(estimate[:, 1], estimate[:, 2], color=scenario.colors[cost], linewidth=1.2,
                           label='%s, %s' % (cost, scenario.outcome(cost)))
         errors = scenario.runs[cost]['delta']['errors']
         time = numpy.array(errors['time_s']) - truth[0, 0]
         a_second = max(1, int(round(len(time) / (time[-1] - time[0]))))
         for axis, (key, label, scale) in zip(rows, MILLIMETRES):
             values = scale * numpy.array(errors[key])
-            axis.plot(time, values, ',', color=COSTS[cost], alpha=0.4)
-            axis.plot(time, smooth(values, a_second), color=COSTS[cost], linewidth=1.2)
+            axis.plot(time, values, ',', color=scenario.colors[cost], alpha=0.4)
+            axis.plot(time, smooth(values, a_second), color=scenario.colors[cost], linewidth=1.2)
             axis.set_ylabel(label)
             lowest[key] = min(lowest.get(key, math.inf), numpy.quantile(values, 0.1))
     for axis, (key, _, _) in zip(rows, MILLIMETRES):

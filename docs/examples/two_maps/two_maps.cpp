@@ -29,7 +29,7 @@ intensity_hector_slam::Scan scanOfTheRoom(const Eigen::Vector3d& pose) {
 
 int main() {
   intensity_hector_slam::SlamOptions slam_options;
-  slam_options.matcher.cost = intensity_hector_slam::Cost::kOccupancy;
+  slam_options.matcher.cost = "occupancy";
   intensity_hector_slam::Slam slam(slam_options);
   rtree_occupancy_map::Options map_options;
   map_options.resolution = 0.1;

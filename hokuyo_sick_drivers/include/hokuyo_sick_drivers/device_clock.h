@@ -9,10 +9,11 @@
 
 namespace hokuyo_sick_drivers {
 
-/// Tells the host's time of a time of the device from messages that carry the device's time: the line below
-/// their arrivals (lineBelow) is the offset of the clocks plus the constant part of the messages' delay,
-/// which has to be known. The device's time is exact but for its drift, as that of a count of the mirror's
-/// turns.
+/// Tells the host's time of a time of the device, from messages that carry the device's time and arrive late.
+/// The time of an arrival less the device's time is the offset of the clocks plus the message's delay. A
+/// delay is a constant, which has to be known, and what came on top of it that time, which is never negative:
+/// so the line below all arrivals (lineBelow) is the offset of the clocks plus the constant. That needs a
+/// time of the device that is exact but for its drift, as a count of the mirror's turns is.
 class DeviceClock {
  public:
   struct Options {

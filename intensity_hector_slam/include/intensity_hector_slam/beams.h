@@ -9,7 +9,8 @@ namespace intensity_hector_slam {
 
 constexpr int kLanes = 4;  ///< beams at a time
 
-/// A scan for the matcher's inner loop: arrays, filled up to whole lanes with beams that aren't valid.
+/// A scan for the matcher's inner loop, which takes kLanes beams at a time: arrays of all their members,
+/// whose length is the next multiple of kLanes. What fills them up isn't valid, and counts for nothing.
 struct Beams {
   std::vector<float> x, y;          ///< m, ends of the beams, frame of the body
   std::vector<float> reflectivity;  ///< 0 where it isn't known
@@ -21,10 +22,14 @@ struct Beams {
 
   void assign(const Scan& scan);
 
-  /// Neighbouring beams that end within a distance (m) of the first become one, their mean. A person near by
-  /// has as many beams as a wall far away, on a tenth of its length, and would hold the pose as firmly. Every
-  /// 2^(levels - 1)th comes first, and so on, so that the first count / 2^k are evenly spread over the scan.
-  /// @param least all but so many (or half, if that is more) may be left out
+  /// Neighbouring beams of `all` that end within `spacing` (m) of the first of them become one, their mean. A
+  /// person near by has as many beams as a wall far away, on a tenth of its length, and would hold the pose
+  /// as firmly.
+  ///
+  /// They are in the order in which the levels need them. Level k uses the first count / 2^k, which have to
+  /// be evenly spread over the scan: every 2^(levels - 1)th along the scan comes first, then those in the
+  /// middle between these, and so on.
+  /// @param least so many are kept, or half of them if that is more; the last in this order are left out
   void assignThinned(const Beams& all, double spacing, int levels, std::size_t least);
 
  private:

@@ -72,7 +72,7 @@ class GridMap {
   /// Sets all of a cell.
   void set(int x, int y, const Cell& cell, std::uint16_t count);
   /// A box of cells outside which nothing was ever observed; empty at the start.
-  const Eigen::AlignedBox2i& touched() const { return touched_; }
+  const Eigen::AlignedBox2i& observedBox() const { return observed_box_; }
   /// The smallest box of cells with all that are known; empty without any.
   Eigen::AlignedBox2i knownCells() const;
 
@@ -109,7 +109,7 @@ class GridMap {
   int width_ = 0, height_ = 0;
   std::vector<Cell> cells_;
   std::vector<std::uint16_t> counts_;
-  Eigen::AlignedBox2i touched_;
+  Eigen::AlignedBox2i observed_box_;
   Marks marks_;
   std::vector<Eigen::Vector2i> ends_;  // cells of the scan's points
 };

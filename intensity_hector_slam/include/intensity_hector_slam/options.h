@@ -5,6 +5,7 @@
 
 #include <mapping_common/options.h>
 
+#include <memory>
 #include <string>
 
 namespace intensity_hector_slam {
@@ -70,19 +71,12 @@ struct MapOptions {
   }
 };
 
-/// What a pose minimises the squares of, for beam i with the end point S_i.
-enum class Cost { kOccupancy, kReflectivity, kCombined, kAuto };
-constexpr auto choicesOf(Cost) {
-  return mapping_common::choices<Cost>(
-      {{"occupancy", Cost::kOccupancy, "1 - M(S_i), Hector SLAM's"},
-       {"reflectivity", Cost::kReflectivity, "rho_i - R(S_i), Eq. 3.6"},
-       {"combined", Cost::kCombined, "both, weighted"},
-       {"auto", Cost::kAuto, "occupancy where reflectivity is unknown or too sparse, else both"}});
-}
-
-inline std::string toString(Cost cost) {
-  return mapping_common::nameOf(cost);
-}
+class Cost;
+struct MatcherOptions;
+using MakeCost = std::unique_ptr<Cost> (*)(const MatcherOptions& options);
+/// What a pose can minimise the squares of, for beams i with the end points S_i, by the names that
+/// MatcherOptions::cost has for it.
+const mapping_common::Table<MakeCost>& costs();
 
 /// Weight of a residual e against moving objects, with the scale s.
 enum class RobustKernel { kNone, kHuber, kCauchy, kTukey };
@@ -107,7 +101,7 @@ constexpr auto choicesOf(Search) {
 }
 
 struct MatcherOptions {
-  Cost cost = Cost::kCombined;
+  std::string cost = "combined";  ///< a name of costs()
   double occupancy_weight = 1.0, reflectivity_weight = 1.0;
   double auto_max_spacing = 0.1, auto_min_known = 0.3;
   RobustKernel robust_kernel = RobustKernel::kCauchy;
@@ -134,7 +128,7 @@ struct MatcherOptions {
   double unobservable_distance = 1.0, unobservable_angle = 0.5;
 
   void describe(mapping_common::OptionList& o) {
-    o("cost", cost, "", "what a pose minimises the squares of").dynamic();
+    o("cost", cost, "", "what a pose minimises the squares of").oneOf(costs()).dynamic();
     o("occupancy_weight", occupancy_weight, "", "combined: of the squared residuals of the occupancy")
         .within(0.0, 1e6)
         .dynamic();

@@ -1,13 +1,37 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <Eigen/Core>
+#include <memory>
+#include <string>
+
 #include "intensity_hector_slam/beams.h"
 #include "intensity_hector_slam/multi_map.h"
 
 namespace intensity_hector_slam {
 
 struct Observability;
-struct Touched;
+struct Overlap;
+
+/// Of the map: what a residual looks at.
+enum class Channel { kOccupancy, kReflectivity };
+
+/// Of the residuals of one channel, weighted.
+struct NormalEquation {
+  Eigen::Matrix3d hessian = Eigen::Matrix3d::Zero();   ///< sum of w J^T J
+  Eigen::Vector3d gradient = Eigen::Vector3d::Zero();  ///< sum of w J^T e: the step is H^-1 times this
+  double cost = 0.0;                                   ///< sum of the robust costs of the residuals
+};
+
+/// A cost, linearised at a pose on one level.
+struct Linearization {
+  NormalEquation occupancy, reflectivity;  ///< zero where the cost hasn't residuals of that channel
+  double cost = 0.0;                       ///< of both
+  double squares = 0.0;                    ///< sum of w e^2
+  double weights = 0.0;                    ///< sum of w
+
+  NormalEquation& of(Channel channel) { return channel == Channel::kOccupancy ? occupancy : reflectivity; }
+};
 
 struct Match {
   Pose pose = Pose::Zero();
@@ -15,13 +39,13 @@ struct Match {
   Eigen::Matrix3d hessian = Eigen::Matrix3d::Zero();  ///< H at the pose, over all beams, on the finest level
   /// Takes a difference of poses (map frame) to its part in directions that weren't observable.
   Eigen::Matrix3d unobservable_part = Eigen::Matrix3d::Zero();
-  Cost cost = Cost::kOccupancy;  ///< what was minimised, never kAuto
-  int iterations = 0;            ///< over all levels
-  int observable = 3;            ///< directions in which the pose was observable, 0 to 3
-  double residual = 0.0;         ///< root mean square of the weighted residuals at the pose
-  double contradiction = 0.0;    ///< share of the points in cells known as free
-  double overlap = 0.0;          ///< share of the points in cells known as occupied
-  bool searched = false;         ///< whether a window around the first guess was searched
+  std::string cost;            ///< what was minimised, never auto
+  int iterations = 0;          ///< over all levels
+  int observable = 3;          ///< directions in which the pose was observable, 0 to 3
+  double residual = 0.0;       ///< root mean square of the weighted residuals at the pose
+  double contradiction = 0.0;  ///< share of the points in cells known as free
+  double overlap = 0.0;        ///< share of the points in cells known as occupied
+  bool searched = false;       ///< whether a window around the first guess was searched
 
   /// How well the scan agrees with the map, -1 to 1.
   double score() const { return overlap - contradiction; }
@@ -39,46 +63,28 @@ class ScanMatcher {
   /// @param search whether to search the window around the guess before
   Match match(const MultiMap& map, const Scan& scan, const Pose& guess, bool search = false);
 
-  /// Of one of the two kinds of residuals, weighted.
-  struct NormalEquation {
-    Eigen::Matrix3d hessian = Eigen::Matrix3d::Zero();   ///< sum of w J^T J
-    Eigen::Vector3d gradient = Eigen::Vector3d::Zero();  ///< sum of w J^T e: the step is H^-1 times this
-    double cost = 0.0;                                   ///< sum of the robust costs of the residuals
-  };
-  /// A cost, linearised at a pose on one level.
-  struct Linearization {
-    NormalEquation occupancy, reflectivity;  ///< zero where the cost hasn't that kind of residuals
-    double cost = 0.0;                       ///< of both
-    double squares = 0.0;                    ///< sum of w e^2
-    double weights = 0.0;                    ///< sum of w
-  };
-  /// @param cost not kAuto
-  Linearization linearize(const GridMap& map, const Scan& scan, const Pose& pose, Cost cost);
+  /// The cost of the options at a pose.
+  Linearization linearize(const GridMap& map, const Scan& scan, const Pose& pose);
 
  private:
   class Solver;
 
-  /// Over the first beams.
-  Linearization linearize(const GridMap& map, const Beams& beams, const Pose& pose, Cost cost,
-                          std::size_t count) const;
-  template <class Use>
-  void forBeams(const GridMap& map, const Beams& beams, const Pose& pose, std::size_t count,
-                const Use& use) const;
-  Eigen::Vector2d costs(const GridMap& map, const Pose& pose, Cost cost) const;
-  Observability observe(const Scan& scan, const Touched& touched, const Pose& pose, Cost cost) const;
-  double curvatureAlong(const Eigen::Vector3d& v, const GridMap& map, const Match& match,
+  Observability observe(const Scan& scan, const Overlap& overlap, const Pose& pose, const Cost& cost) const;
+  double curvatureAlong(const Eigen::Vector3d& v, const GridMap& map, const Pose& pose, const Cost& cost,
                         const Linearization& at, const Observability& observability) const;
-  float weightOf(Cost kind, Cost cost) const;
-  Cost chooseCost(const GridMap& map, const Scan& scan, const Pose& guess);
-  /// Both move the pose, and return the cost where the last step starts, on the finest level.
+  /// Both move the pose, add to the iterations, and return the cost where the last step starts, on the
+  /// finest level.
   /// @param coarse what all other levels use: the level k the first 1 / 2^k of it, but no fewer than `least`
-  Linearization descend(const MultiMap& map, const Beams& coarse, std::size_t least,
-                        const Observability& observability, Pose& pose, Match& match) const;
-  Linearization optimize(const GridMap& map, const Beams& beams, std::size_t count,
+  Linearization descend(const MultiMap& map, const Cost& cost, const Beams& coarse, std::size_t least,
+                        const Observability& observability, Pose& pose, int& iterations) const;
+  /// @param count of the first beams, that are used
+  /// @param min_distance m, and min_angle, rad: a step below both is the last
+  Linearization optimize(const GridMap& map, const Cost& cost, const Beams& beams, std::size_t count,
                          const Observability& observability, double min_distance, double min_angle,
-                         Pose& pose, Match& match) const;
+                         Pose& pose, int& iterations) const;
 
   MatcherOptions options_;
+  std::shared_ptr<const Cost> cost_;
   Beams beams_, thinned_;  // all, and for the coarser levels
 };
 

@@ -23,7 +23,7 @@ nav_msgs::OccupancyGrid toGrid(const GridMap& map, const Value& value) {
   grid.info.origin.position.y = map.origin().y();
   grid.info.origin.orientation.w = 1.0;
   grid.data.assign(map.cells().size(), kUnknown);
-  const Eigen::AlignedBox2i& box = map.touched();
+  const Eigen::AlignedBox2i& box = map.observedBox();
   for (int y = box.min().y(); !box.isEmpty() && y <= box.max().y(); ++y) {
     std::int8_t* const row = &grid.data[static_cast<std::size_t>(y) * map.width()];
     for (int x = box.min().x(); x <= box.max().x(); ++x) row[x] = value(x, y);

@@ -115,7 +115,7 @@ void writeTiming(const std::string& path, const BagResult& result) {
     times.push_back(entry.seconds);
     sum += entry.seconds;
     ++statuses[toString(entry.result.status)];
-    if (entry.result.match.iterations > 0) ++costs[toString(entry.result.match.cost)];
+    if (entry.result.match.iterations > 0) ++costs[entry.result.match.cost];
     updates += entry.result.map_updated;
     iterations += entry.result.match.iterations;
   }

@@ -45,7 +45,7 @@ void ScanCounts::addTo(diagnostic_updater::DiagnosticStatusWrapper& status, doub
               recent_.processed > 0 ? 1e3 * recent_.time / recent_.processed : 0.0);
   status.addf("Time, longest (ms)", "%.3f", 1e3 * recent_.longest);
   status.add("Last scan", all_processed_ > 0 ? toString(last_.status) : "");
-  status.add("Last cost", last_.match.iterations > 0 ? toString(last_.match.cost) : "");
+  status.add("Last cost", last_.match.iterations > 0 ? last_.match.cost : "");
   status.addf("Last contradiction", "%.3f", last_.match.contradiction);
 }
 

@@ -89,8 +89,7 @@ struct Summary {
   double seconds = 0.0;
 };
 
-Summary summarize(const std::vector<SlamRun>& runs, const std::string& scenario,
-                  intensity_hector_slam::Cost cost) {
+Summary summarize(const std::vector<SlamRun>& runs, const std::string& scenario, const std::string& cost) {
   Summary s;
   for (const SlamRun& run : runs) {
     if (run.scenario != scenario || run.cost != cost) continue;
@@ -161,9 +160,9 @@ SlamRun runSlam(const SlamRecording& recording, const intensity_hector_slam::Sla
 }
 
 void printTable(std::ostream& out, const std::vector<SlamRun>& runs) {
-  std::vector<std::pair<std::string, intensity_hector_slam::Cost>> rows;
+  std::vector<std::pair<std::string, std::string>> rows;
   for (const SlamRun& run : runs) {
-    const std::pair<std::string, intensity_hector_slam::Cost> row(run.scenario, run.cost);
+    const std::pair<std::string, std::string> row(run.scenario, run.cost);
     if (std::find(rows.begin(), rows.end(), row) == rows.end()) rows.push_back(row);
   }
   std::vector<std::vector<std::string>> table = {
@@ -177,7 +176,7 @@ void printTable(std::ostream& out, const std::vector<SlamRun>& runs) {
       const double share = s.normalized.empty() ? NAN : shareWithin(s.normalized, sigmas);
       within += (within.empty() ? "" : " / ") + number(100.0 * share, 1);
     }
-    table.push_back({scenario, toString(cost), std::to_string(s.lost) + " of " + std::to_string(s.runs),
+    table.push_back({scenario, cost, std::to_string(s.lost) + " of " + std::to_string(s.runs),
                      number(1e3 * mean(s.delta_translation), 2), number(kDegrees * mean(s.delta_rotation), 3),
                      number(mean(s.translation), 3), number(momentsOf(s.max_translation).max, 3),
                      number(kDegrees * mean(s.rotation), 3), within, number(100.0 * s.rejected / s.scans, 1),
@@ -193,7 +192,7 @@ std::string runsToJson(const std::vector<SlamRun>& runs) {
     for (const double error : run.normalized_errors) normalized.push_back(jsonNumber(error));
     objects.push_back(JsonObject()
                           .add("scenario", run.scenario)
-                          .add("cost", toString(run.cost))
+                          .add("cost", run.cost)
                           .add("seed", run.seed)
                           .add("lost_after_s", run.lost_after)
                           .add("scans", run.scans)

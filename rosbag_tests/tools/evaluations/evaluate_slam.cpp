@@ -18,7 +18,6 @@
 
 namespace po = boost::program_options;
 using namespace rosbag_tests;
-using intensity_hector_slam::Cost;
 
 namespace {
 
@@ -39,7 +38,8 @@ const char kUsage[] =
     "covariance.\n";
 
 struct Arguments {
-  std::vector<std::string> scenarios, costs{"occupancy", "reflectivity", "combined"};
+  std::vector<std::string> scenarios;
+  std::vector<std::string> costs = mapping_common::namesOf(intensity_hector_slam::costs());
   std::string out, guess = "constant_velocity", model;
   double reflectivity_scale = 1.0;
   std::uint64_t first_seed = 1;
@@ -58,7 +58,7 @@ bool parse(int argc, char** argv, Arguments& a) {
   add("first-seed", po::value(&a.first_seed)->default_value(a.first_seed), "of drive, noise and clutter");
   add("duration", po::value(&a.duration), "s, in place of the scenarios' own");
   add("cost", po::value(&a.costs)->multitoken(),
-      "occupancy, reflectivity, combined, auto; by default the first three");
+      "those to compare, see the parameter of that name; by default all");
   add("guess", po::value(&a.guess)->default_value(a.guess),
       "last_pose or constant_velocity: where matching starts");
   add("model", po::value(&a.model),
@@ -101,7 +101,7 @@ bool parse(int argc, char** argv, Arguments& a) {
   a.criterion.angle = a.lost_angle * M_PI / 180.0;
   try {
     a.slam.guess = mapping_common::valueOf<intensity_hector_slam::Guess>(a.guess);
-    for (const std::string& cost : a.costs) mapping_common::valueOf<intensity_hector_slam::Cost>(cost);
+    for (const std::string& cost : a.costs) mapping_common::valueOf(intensity_hector_slam::costs(), cost);
     if (!a.model.empty() && a.model != "ideal")
       mapping_common::valueOf<laser_intensity_calib::ModelType>(a.model);
     mapping_common::validate(a.slam);
@@ -159,7 +159,7 @@ class Evaluation {
     const SlamRecording recording = record(scenario, seed);
     for (std::size_t k = 0; k < a_.costs.size(); ++k) {
       intensity_hector_slam::SlamOptions options = a_.slam;
-      options.matcher.cost = mapping_common::valueOf<intensity_hector_slam::Cost>(a_.costs[k]);
+      options.matcher.cost = a_.costs[k];
       intensity_hector_slam::MultiMap map(options.map);
       SlamRun run = runSlam(recording, options, a_.criterion, &map);
       run.scenario = scenario.name;
@@ -172,7 +172,7 @@ class Evaluation {
   }
 
   void save(const SlamRun& run, const SlamRecording& recording, const intensity_hector_slam::MultiMap& map) {
-    const std::string path = a_.out + "/" + run.scenario + "-" + toString(run.cost);
+    const std::string path = a_.out + "/" + run.scenario + "-" + run.cost;
     writeMapPicture(path + ".ppm", map.level(0));
     writeTum(path + ".tum", run.poses);
     mapping_common::writeFile(path + ".json",

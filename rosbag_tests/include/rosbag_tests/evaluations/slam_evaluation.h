@@ -26,7 +26,7 @@ struct LossCriterion {
 /// One recording through SLAM with one cost.
 struct SlamRun {
   std::string scenario;
-  intensity_hector_slam::Cost cost = intensity_hector_slam::Cost::kOccupancy;
+  std::string cost;
   std::uint64_t seed = 0;
   double lost_after = std::numeric_limits<double>::infinity();  ///< s from the start; infinite: never lost
   std::size_t scans = 0, rejected = 0, unobservable = 0, empty = 0;
