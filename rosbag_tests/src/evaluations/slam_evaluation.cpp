@@ -143,7 +143,7 @@ SlamRun runSlam(const SlamRecording& recording, const intensity_hector_slam::Sla
     if (result.status == Status::kUnobservable) key_poses.breakChain();
     if (const auto edge = key_poses.add(static_cast<double>(i), result)) {
       const Eigen::Vector3d errors = normalizedError(*edge, recording.truth);
-      run.normalized_errors.insert(run.normalized_errors.end(), errors.begin(), errors.end());
+      run.normalized_errors.insert(run.normalized_errors.end(), errors.data(), errors.data() + errors.size());
     }
   }
   run.seconds_per_scan = std::chrono::duration<double>(busy).count() / run.scans;
