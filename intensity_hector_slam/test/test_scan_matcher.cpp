@@ -244,9 +244,9 @@ TEST(ScanMatcher, CovarianceIsHonest) {
         const Match match =
             matcher.match(map, look(walls, truth, scanner, seed), truth + Pose(0.02, -0.01, 0.005));
         const Eigen::Vector3d error = match.covariance.llt().matrixL().solve(match.pose - truth);
-        for (const double e : error) {
+        for (int axis = 0; axis < 3; ++axis) {
           ++all;
-          for (int i = 0; i < 3; ++i) within[i] += std::abs(e) <= i + 1.0;
+          for (int i = 0; i < 3; ++i) within[i] += std::abs(error[axis]) <= i + 1.0;
         }
       }
       EXPECT_GT(within[0], 0.45 * all) << cost;
