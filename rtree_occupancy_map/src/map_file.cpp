@@ -114,12 +114,12 @@ OccupancyMap OccupancyMap::load(const std::string& path, const Options& machine)
     std::vector<Cell> cells;
     cells.reserve(count);
     for (std::uint64_t i = 0; i < count; ++i) cells.push_back(readCell(read, options, model));
-    map = fromCells(options, std::move(cells));
+    map = restore(options, std::move(cells));
   });
   return map;
 }
 
-OccupancyMap OccupancyMap::fromCells(const Options& options, std::vector<Cell> cells) {
+OccupancyMap OccupancyMap::restore(const Options& options, std::vector<Cell> cells) {
   OccupancyMap map(options);
   const LogOddsModel& model = map.insertion_->model;
   DenseBlock& dense = map.insertion_->buffers[0]->dense;

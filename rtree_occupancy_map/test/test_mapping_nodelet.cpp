@@ -18,6 +18,7 @@
 #include <limits>
 
 #include "nodelet_fixture.h"
+#include "rtree_occupancy_map/octomap_file.h"
 
 namespace rtree_occupancy_map {
 namespace {
@@ -348,10 +349,17 @@ TEST_F(MappingNodelet, SavesAndLoads) {
   }
   EXPECT_FALSE(callWithPath<mapping_msgs::SaveMap>("save_map", directory / "missing/map").success);
   EXPECT_FALSE(callWithPath<mapping_msgs::SaveMap>("save_map", "relative").success);
-  const auto foreign = callWithPath<mapping_msgs::SaveMap>("save_map", directory / "map.bt");
+  const auto foreign = callWithPath<mapping_msgs::SaveMap>("save_map", directory / "map.bz");
   EXPECT_FALSE(foreign.success);
-  EXPECT_NE(std::string::npos, foreign.message.find("OctoMap")) << foreign.message;
-  EXPECT_NE(0, access((directory / "map.bt").c_str(), F_OK));
+  EXPECT_NE(std::string::npos, foreign.message.find(".bt and .ot (OctoMap)")) << foreign.message;
+  EXPECT_NE(0, access((directory / "map.bz").c_str(), F_OK));
+
+  // The ending says the format.
+  EXPECT_TRUE(callWithPath<mapping_msgs::SaveMap>("save_map", directory / "map.ot").success);
+  EXPECT_EQ(voxelsOf(reference_), voxelsOf(readOctomap(directory / "map.ot")));
+  ASSERT_TRUE(ros::service::call(name_ + "/reset", reset));
+  EXPECT_TRUE(callWithPath<mapping_msgs::LoadMap>("load_map", directory / "map.ot").success);
+  EXPECT_EQ(voxelsOf(reference_), voxels());
 
   // The loaded map goes on.
   sendStaticPose("later", poseOf(1, 1, 0.2));

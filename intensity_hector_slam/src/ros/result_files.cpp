@@ -2,6 +2,7 @@
 #include "intensity_hector_slam/ros/result_files.h"
 
 #include <mapping_common/files.h>
+#include <mapping_common/map_image.h>
 
 #include <algorithm>
 #include <cstdio>
@@ -73,20 +74,21 @@ void writeG2o(const std::string& path, const std::vector<Edge>& edges) {
 }
 
 void writeOccupancy(const std::string& directory, const GridMap& map) {
-  // map_server: dark is occupied, light is free, 205 is neither.
-  const cv::Mat_<std::uint8_t> image = draw<std::uint8_t>(map, [&map](int x, int y) -> std::uint8_t {
+  using mapping_common::MapImage;
+  const cv::Mat_<std::uint8_t> drawn = draw<std::uint8_t>(map, [&map](int x, int y) -> std::uint8_t {
     const GridMap::Cell& cell = map.cell(x, y);
-    return GridMap::isKnown(cell) ? (GridMap::isOccupied(cell) ? 0 : 254) : 205;
-  });
-  mapping_common::writeFile(directory + "/map.pgm", [&](std::ostream& out) {
-    out << "P5\n" << image.cols << ' ' << image.rows << "\n255\n";
-    out.write(reinterpret_cast<const char*>(image.data), static_cast<std::streamsize>(image.total()));
+    if (!GridMap::isKnown(cell)) return MapImage::kUnknown;
+    return GridMap::isOccupied(cell) ? MapImage::kOccupied : MapImage::kFree;
   });
   const Eigen::Vector2d origin = map.origin() + map.resolution() * shownCells(map).min().cast<double>();
-  mapping_common::writeFile(directory + "/map.yaml", [&](std::ostream& out) {
-    out << std::setprecision(12) << "image: map.pgm\nresolution: " << map.resolution() << "\norigin: ["
-        << origin.x() << ", " << origin.y() << ", 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n";
-  });
+  MapImage image;
+  image.width = drawn.cols;
+  image.height = drawn.rows;
+  image.resolution = map.resolution();
+  image.origin_x = origin.x();
+  image.origin_y = origin.y();
+  image.pixels.assign(drawn.begin(), drawn.end());
+  mapping_common::writeMapImage(directory + "/map.pgm", image);
 }
 
 void writeReflectivity(const std::string& path, const GridMap& map) {

@@ -5,6 +5,7 @@
 #include <rosbag_tests/converters/bag_scans.h>
 #include <rosbag_tests/converters/scan_files.h>
 #include <rosbag_tests/evaluations/octomap_comparison.h>
+#include <rtree_occupancy_map/ros/map_formats.h>
 
 #include <boost/program_options.hpp>
 #include <cstdio>
@@ -71,7 +72,7 @@ bool parse(int argc, char** argv, Arguments& a) {
   o.threads = 1;
   addOption(all, "threads", o, "threads");
   add("json", po::value(&a.json), "write the figures to this file");
-  add("save", po::value(&a.save), "save the (first) R-tree map to this file");
+  add("save", po::value(&a.save), "save the (first) R-tree map to this file: .map, .bt, .ot, .pcd or .pgm");
   po::variables_map values;
   po::store(po::parse_command_line(
                 argc, argv, all, po::command_line_style::unix_style ^ po::command_line_style::allow_guessing),
@@ -82,6 +83,7 @@ bool parse(int argc, char** argv, Arguments& a) {
   }
   po::notify(values);
   if (a.scans.empty() == a.bag.empty()) throw po::error("either --scans or --bag is needed");
+  rtree_occupancy_map::formatOf(a.save);
   if (a.step < 1) throw po::error("--step must be at least 1");
   if (a.write_back_every < 1) throw po::error("--write-back-every must be at least 1");
   if (a.first < 0 || a.last < a.first) throw po::error("--first must be at least 0, --last at least --first");
@@ -122,7 +124,7 @@ void compare(const Arguments& a) {
   }
   if (inserted == 0) throw std::runtime_error("there was no scan to insert");
   std::cerr << "comparing" << std::endl;
-  if (!a.save.empty()) comparison.map(0).save(a.save);
+  if (!a.save.empty()) rtree_occupancy_map::writeMap(comparison.map(0), a.save);
   const rosbag_tests::ComparisonResult result = comparison.finish();
   rosbag_tests::printTable(std::cout, result, a.options);
   if (a.json.empty()) return;

@@ -22,6 +22,10 @@ namespace rtree_occupancy_map {
 constexpr int kBlockBits = 5;
 constexpr int kBlockSize = 1 << kBlockBits;
 
+/// A map from cells larger than blocks has no more blocks than these: 3e7 m^3 at 10 cm. A few bytes of a
+/// corrupted file can claim any volume.
+constexpr std::size_t kMostBlocks = std::size_t{1} << 20;
+
 /// Block coordinates: the block holds voxels block * kBlockSize to (block + 1) * kBlockSize, exclusive.
 using Block = std::array<int, 3>;
 
@@ -69,6 +73,12 @@ class OccupancyMap {
  public:
   /// @throws std::invalid_argument that names the option, its value and what is allowed
   explicit OccupancyMap(const Options& options = {});
+  /// The map of these cells, which fuse as the options say. They may be of any size; log odds beyond the
+  /// clamping thresholds are taken to be at them.
+  /// @throws std::invalid_argument where a cell is empty, outside of the map's coordinates or has log odds
+  /// that
+  ///   aren't finite, where cells overlap, or where they are in more blocks than kMostBlocks
+  static OccupancyMap fromCells(const Options& options, const std::vector<Cell>& cells);
   OccupancyMap(OccupancyMap&&) noexcept;
   OccupancyMap& operator=(OccupancyMap&&) noexcept;
   ~OccupancyMap();
@@ -160,7 +170,7 @@ class OccupancyMap {
  private:
   struct Insertion;
 
-  static OccupancyMap fromCells(const Options& options, std::vector<Cell> cells);
+  static OccupancyMap restore(const Options& options, std::vector<Cell> cells);
   void rasterize(const Scan& scan, InsertReport& report);
   // The tree with the cells of those blocks up to date that overlap the region, or whose boxes pass
   // asked_for.

@@ -22,6 +22,7 @@
 #include <vector>
 
 #include "rtree_occupancy_map/ros/cell_conversion.h"
+#include "rtree_occupancy_map/ros/map_formats.h"
 #include "rtree_occupancy_map/ros/map_publisher.h"
 #include "rtree_occupancy_map/ros/parameters.h"
 #include "rtree_occupancy_map/ros/scan_conversion.h"
@@ -100,8 +101,7 @@ MappingNodelet::~MappingNodelet() {
   endCallbacks();
   if (save_on_shutdown_.empty() || map_.tree().size() == 0) return;
   try {
-    map_.save(save_on_shutdown_);
-    NODELET_INFO_STREAM("Wrote " << map_.tree().size() << " cells to " << save_on_shutdown_);
+    NODELET_INFO_STREAM(writeMap(map_, save_on_shutdown_, parameters_.display));
   } catch (const std::exception& e) {
     NODELET_ERROR_STREAM("The map is lost: " << e.what());
   }
@@ -110,7 +110,7 @@ MappingNodelet::~MappingNodelet() {
 void MappingNodelet::start(mapping_common::Parameters& reader) {
   ros::NodeHandle& node = getNodeHandle();
   reader.read(parameters_);
-  mapping_common::requireOwnEnding(parameters_.save_on_shutdown);
+  formatOf(parameters_.save_on_shutdown);
   map_ = OccupancyMap(parameters_.map);
   if (!parameters_.map_file.empty()) NODELET_INFO_STREAM(load(parameters_.map_file));
   publisher_ = std::make_unique<MapPublisher>(node, parameters_.display, map_);
@@ -200,11 +200,8 @@ void MappingNodelet::insert(const Message& message, const mapping_common::Arriva
 // services
 
 void MappingNodelet::offerServices() {
-  serveFile<mapping_msgs::SaveMap>("save_map", [this](const std::string& path) {
-    mapping_common::requireOwnEnding(path);
-    map_.save(path);
-    return "Wrote " + std::to_string(map_.tree().size()) + " cells to " + path;
-  });
+  serveFile<mapping_msgs::SaveMap>(
+      "save_map", [this](const std::string& path) { return writeMap(map_, path, parameters_.display); });
   serveFile<mapping_msgs::LoadMap>("load_map", [this](const std::string& path) {
     const std::string text = load(path);
     publisher_->restart();
@@ -230,14 +227,15 @@ void MappingNodelet::offerServices() {
                  [this](const auto& request, auto& response) { castRay(request, response); });
 }
 
-// A map comes with all that it was built with, but for the limits of the range.
+// A map comes with all that it was built with, but for the limits of the range. OctoMap's files have the
+// resolution alone.
 std::string MappingNodelet::load(const std::string& path) {
-  OccupancyMap map = OccupancyMap::load(path, map_.options());
+  OccupancyMap map = readMap(path, parameters_.map);
   map.setRange(parameters_.map.min_range, parameters_.map.max_range);
   map_ = std::move(map);
   std::ostringstream text;
   text << "Read " << map_.tree().size() << " cells of a map of " << map_.options().resolution << " m from "
-       << path << ". Its resolution, sensor model and fusion replace those of the parameters";
+       << path << ". What it was built with replaces the parameters";
   return text.str();
 }
 

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// OctoMap's files and messages (octomap.github.io), without its library. A file is lines of text and an
+// octree of depth 16 over voxels -32768 to 32767 along each axis, depth first; child i of a node is in its
+// upper half along x, y, z where bit 0, 1, 2 of i is set.
+//   .bt  two bits for each child: 0 unknown, 1 free, 2 occupied, 3 has children. Log odds are those of
+//        OctoMap's clamping thresholds
+//   .ot  log odds (float32), of an inner node the greatest of its children, and a byte with a bit for each
+//        child that there is
+#pragma once
+
+#include <cstddef>
+#include <string>
+
+#include "rtree_occupancy_map/occupancy_map.h"
+
+namespace rtree_occupancy_map {
+
+enum class OctomapFormat {
+  kBinary,  ///< .bt: what is free and what is occupied
+  kFull     ///< .ot: log odds
+};
+
+/// The octree, which is also what octomap_msgs/Octomap holds.
+struct OctomapData {
+  std::string bytes;
+  std::size_t nodes = 0;
+};
+/// The map as an octree in which eight children of equal value are one leaf. Reflectivities are left out.
+OctomapData toOctomap(const OccupancyMap& map, OctomapFormat format);
+
+/// @throws std::runtime_error that names the file
+void writeOctomap(const OccupancyMap& map, const std::string& path, OctomapFormat format);
+
+/// Reads either format, of an OcTree, a ColorOcTree (without its colours) or an OcTreeStamped. Each voxel has
+/// the very log odds that OctoMap reads, but for those beyond +-20, which are taken to be that.
+/// @param options of the map, but for its resolution, which the file has. Clamping thresholds, which it
+/// doesn't
+///   have, are widened to what it holds
+/// @throws std::runtime_error that names the file and says what is wrong with it: foreign, truncated,
+/// corrupted
+OccupancyMap readOctomap(const std::string& path, const Options& options = {});
+
+}  // namespace rtree_occupancy_map

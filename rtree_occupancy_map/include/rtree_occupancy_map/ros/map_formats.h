@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// Files of maps, of this package's format and of others'. The path's ending says which.
+#pragma once
+
+#include <rtree_occupancy_map/occupancy_map.h>
+#include <rtree_occupancy_map/ros/map_publisher.h>
+
+#include <string>
+
+namespace rtree_occupancy_map {
+
+enum class MapFormat { kRTree, kOctomapBinary, kOctomapFull, kPcd, kMapServer };
+
+/// Of a file to be written: .map or no ending, .bt, .ot, .pcd, .pgm or .yaml.
+/// @throws std::invalid_argument of another ending; it says which there are
+MapFormat formatOf(const std::string& path);
+
+/// @param projection the heights and the size of the projected map (.pgm, .yaml)
+/// @return what was written, in a sentence
+/// @throws std::invalid_argument as formatOf; std::runtime_error that names the file
+std::string writeMap(const OccupancyMap& map, const std::string& path, const DisplayOptions& projection = {});
+
+/// Of .bt and .ot, those of OctoMap; of others, that of this package.
+/// @param options of which OctoMap's files take all but the resolution, others what a file doesn't settle
+/// @throws std::runtime_error that names the file and says what is wrong with it
+OccupancyMap readMap(const std::string& path, const Options& options = {});
+
+}  // namespace rtree_occupancy_map

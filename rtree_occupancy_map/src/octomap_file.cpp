@@ -1,0 +1,380 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "rtree_occupancy_map/octomap_file.h"
+
+#include <mapping_common/files.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cmath>
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <fstream>
+#include <iterator>
+#include <limits>
+#include <sstream>
+#include <stdexcept>
+#include <utility>
+#include <vector>
+
+#include "log_odds.h"
+
+static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "OctoMap writes numbers as they are in memory");
+
+namespace rtree_occupancy_map {
+namespace {
+
+constexpr int kDepth = 16;             // of the octree's smallest nodes, the voxels
+constexpr int kLowest = -(1 << 15);    // voxel coordinate
+constexpr float kMostLogOdds = 20.0F;  // nearer to 0 and 1 probabilities of double precision are too coarse
+constexpr const char* kFirstLine[] = {"# Octomap OcTree binary file", "# Octomap OcTree file"};  // .bt, .ot
+
+// Of the children in the two bytes of a node in a .bt file.
+enum BinaryChild : unsigned { kUnknownChild = 0, kFreeChild = 1, kOccupiedChild = 2, kInnerChild = 3 };
+
+// ---- writing --------------------------------------------------------------------------------------------
+
+class OctreeWriter {
+ public:
+  OctreeWriter(const OccupancyMap& map, OctomapFormat format)
+      : map_(map), binary_(format == OctomapFormat::kBinary) {
+    map.tree().visitAll([this](const Cell& cell) {
+      const Block block = OccupancyMap::blockOf({cell.box.min[0], cell.box.min[1], cell.box.min[2]});
+      if (blocks_.empty() || blocks_.back().block != block) blocks_.push_back({placeOf(block), block});
+      return true;
+    });
+    std::sort(blocks_.begin(), blocks_.end(),
+              [](const Placed& a, const Placed& b) { return a.place < b.place; });
+    const auto same = [](const Placed& a, const Placed& b) { return a.place == b.place; };
+    blocks_.erase(std::unique(blocks_.begin(), blocks_.end(), same), blocks_.end());
+  }
+
+  OctomapData write() {
+    writeBlocks(kDepth, blocks_.begin(), blocks_.end());
+    return std::move(data_);
+  }
+
+ private:
+  // A block and its place in the order of the octree: three bits a level, from the root on.
+  struct Placed {
+    std::uint64_t place;
+    Block block;
+  };
+  using Iterator = std::vector<Placed>::const_iterator;
+  enum class Kind { kUnknown, kLeaf, kInner };
+  struct Node {
+    Kind kind = Kind::kUnknown;
+    float value = 0.0F;  // the greatest below
+  };
+
+  static std::uint64_t placeOf(const Block& block) {
+    std::uint64_t place = 0;
+    for (int bit = 0; bit < kDepth - kBlockBits; ++bit) {
+      for (int i = 0; i < 3; ++i) {
+        const auto key = static_cast<std::uint64_t>(block[i] - kLowest / kBlockSize);
+        place |= (key >> bit & 1) << (3 * bit + i);
+      }
+    }
+    return place;
+  }
+
+  // A node with an edge of 2^level voxels, by the blocks in it.
+  Node writeBlocks(int level, Iterator first, Iterator last) {
+    if (first == last) return {};
+    if (level == kBlockBits) return writeBlock(first->block);
+    return writeInner([&](unsigned child) {
+      const Iterator begin = first;
+      first = std::find_if(first, last, [&](const Placed& placed) {
+        return (placed.place >> 3 * (level - 1 - kBlockBits) & 7) != child;
+      });
+      return writeBlocks(level - 1, begin, first);
+    });
+  }
+
+  Node writeBlock(const Block& block) {
+    std::vector<Cell>& cells = cells_[kBlockBits];
+    cells.clear();
+    map_.visitBlock(block, [&](const Cell& cell) {
+      cells.push_back(cell);
+      if (binary_) cells.back().log_odds = map_.isOccupied(cell) ? 1.0F : -1.0F;
+      return true;
+    });
+    return writeCells(kBlockBits, OccupancyMap::boxOf(block));
+  }
+
+  // A node within a block, by the cells that overlap it, those in cells_[level].
+  Node writeCells(int level, const VoxelBox& cube) {
+    const std::vector<Cell>& cells = cells_[level];
+    if (cells.empty()) return {};
+    if (cells.front().box.contains(cube)) return writeLeaf(cells.front().log_odds);
+    return writeInner([&](unsigned child) {
+      VoxelBox octant = cube;
+      for (int i = 0; i < 3; ++i) {
+        const auto middle = static_cast<std::int16_t>(cube.min[i] + cube.width(i) / 2);
+        ((child >> i & 1) != 0 ? octant.min : octant.max)[i] = middle;
+      }
+      std::vector<Cell>& below = cells_[level - 1];
+      below.clear();
+      std::copy_if(cells.begin(), cells.end(), std::back_inserter(below),
+                   [&](const Cell& cell) { return cell.box.overlaps(octant); });
+      return writeCells(level - 1, octant);
+    });
+  }
+
+  Node writeLeaf(float value) {
+    ++data_.nodes;
+    if (!binary_) {
+      data_.bytes.append(reinterpret_cast<const char*>(&value), sizeof(value));
+      data_.bytes.push_back(0);
+    }
+    return {Kind::kLeaf, value};
+  }
+
+  // A node stands before its children, and says of them what is known only once they are written.
+  template <class WriteChild>
+  Node writeInner(WriteChild&& writeChild) {
+    const std::size_t at = data_.bytes.size(), nodes = data_.nodes;
+    const std::size_t children_at = at + (binary_ ? 0 : sizeof(float));
+    data_.bytes.resize(children_at + (binary_ ? 2 : 1));
+    ++data_.nodes;
+    float greatest = -std::numeric_limits<float>::infinity(), least = -greatest;
+    unsigned leaves = 0, children = 0;
+    for (unsigned i = 0; i < 8; ++i) {
+      const Node child = writeChild(i);
+      if (child.kind == Kind::kUnknown) continue;
+      greatest = std::max(greatest, child.value);
+      least = std::min(least, child.value);
+      leaves += child.kind == Kind::kLeaf;
+      const unsigned as = child.kind == Kind::kInner ? kInnerChild
+                          : child.value > 0.0F       ? kOccupiedChild
+                                                     : kFreeChild;
+      children |= binary_ ? as << 2 * i : 1U << i;
+    }
+    if (leaves == 8 && least == greatest) {
+      data_.bytes.resize(at);
+      data_.nodes = nodes;
+      return writeLeaf(greatest);
+    }
+    std::memcpy(&data_.bytes[children_at], &children, binary_ ? 2 : 1);
+    if (!binary_) std::memcpy(&data_.bytes[at], &greatest, sizeof(float));
+    return {Kind::kInner, greatest};
+  }
+
+  const OccupancyMap& map_;
+  const bool binary_;
+  std::vector<Placed> blocks_;
+  std::array<std::vector<Cell>, kBlockBits + 1> cells_;  // by level
+  OctomapData data_;
+};
+
+// ---- reading --------------------------------------------------------------------------------------------
+
+struct Header {
+  OctomapFormat format = OctomapFormat::kBinary;
+  std::string id;
+  std::size_t nodes = 0;
+  double resolution = 0.0;
+};
+
+// As OctoMap does: comments, and names with values, up to "data".
+Header readHeader(std::istream& in) {
+  Header header;
+  std::string line, name;
+  std::getline(in, line);
+  if (line.compare(0, std::strlen(kFirstLine[0]), kFirstLine[0]) == 0) {
+    header.format = OctomapFormat::kBinary;
+  } else if (line.compare(0, std::strlen(kFirstLine[1]), kFirstLine[1]) == 0) {
+    header.format = OctomapFormat::kFull;
+  } else {
+    throw std::runtime_error("it isn't a map of OctoMap, version 1.0 or later");
+  }
+  constexpr int kMostLines = 1000;
+  for (int number = 0; number < kMostLines && std::getline(in, line); ++number) {
+    std::istringstream words(line);
+    if (!(words >> name) || name[0] == '#') continue;
+    if (name == "data") {
+      if (!(header.resolution > 0.0 && std::isfinite(header.resolution)))
+        throw std::runtime_error("its header has no resolution (res)");
+      if (header.id.empty()) throw std::runtime_error("its header doesn't say what it is (id)");
+      return header;
+    }
+    bool read = true;
+    if (name == "id") read = static_cast<bool>(words >> header.id);
+    if (name == "size") read = static_cast<bool>(words >> header.nodes);
+    if (name == "res") read = static_cast<bool>(words >> header.resolution);
+    if (!read) throw std::runtime_error("its header has the line '" + line.substr(0, 80) + '\'');
+  }
+  throw std::runtime_error("its header has no end");
+}
+
+class OctreeReader {
+ public:
+  OctreeReader(std::istream& in, const Header& header, float low, float high)
+      : in_(*in.rdbuf()),
+        header_(header),
+        low_(low),
+        high_(high),
+        colour_(header.id == "ColorOcTree" ? 3 : 0) {
+    const bool known =
+        header.id == "OcTree" || header.id == "1" || header.id == "OcTreeStamped" || colour_ > 0;
+    if (!known) {
+      throw std::runtime_error("it is a " + header.id.substr(0, 80) +
+                               ", allowed are OcTree, ColorOcTree and OcTreeStamped");
+    }
+  }
+
+  std::vector<Cell> read() {
+    if (header_.nodes > 0) {
+      ++nodes_;
+      const Cube all = {{kLowest, kLowest, kLowest}, kDepth};
+      header_.format == OctomapFormat::kBinary ? readBinary(all) : readFull(all);
+    }
+    if (nodes_ != header_.nodes) {
+      throw std::runtime_error("it is corrupted: it has " + std::to_string(nodes_) +
+                               " nodes, and its header says " + std::to_string(header_.nodes));
+    }
+    if (in_.sgetc() != std::char_traits<char>::eof())
+      throw std::runtime_error("it is corrupted: there is more after its last node");
+    return std::move(cells_);
+  }
+
+ private:
+  // Of 2^level voxels.
+  struct Cube {
+    Voxel min;
+    int level;
+  };
+
+  Cube childOf(const Cube& cube, unsigned child) {
+    if (cube.level == 0) throw std::runtime_error("it is corrupted: a node is below the smallest ones");
+    if (++nodes_ > header_.nodes)
+      throw std::runtime_error("it is corrupted: it has more nodes than its header says");
+    Cube octant = {cube.min, cube.level - 1};
+    for (int i = 0; i < 3; ++i) octant.min[i] += static_cast<int>(child >> i & 1) << octant.level;
+    return octant;
+  }
+
+  void readBinary(const Cube& cube) {
+    const auto children = next<std::uint16_t>();
+    if (children == 0) throw std::runtime_error("it is corrupted: an inner node has no children");
+    for (unsigned i = 0; i < 8; ++i) {
+      const unsigned as = children >> 2 * i & 3;
+      if (as == kInnerChild) {
+        readBinary(childOf(cube, i));
+      } else if (as != kUnknownChild) {
+        addLeaf(childOf(cube, i), as == kFreeChild ? low_ : high_);
+      }
+    }
+  }
+
+  void readFull(const Cube& cube) {
+    const auto log_odds = next<float>();
+    skip(colour_);
+    const auto children = next<std::uint8_t>();
+    if (children == 0) return addLeaf(cube, log_odds);
+    for (unsigned i = 0; i < 8; ++i) {
+      if ((children >> i & 1) != 0) readFull(childOf(cube, i));
+    }
+  }
+
+  void addLeaf(const Cube& cube, float log_odds) {
+    if (!std::isfinite(log_odds)) throw std::runtime_error("it is corrupted: log odds aren't finite");
+    Cell cell;
+    cell.log_odds = std::clamp(log_odds, -kMostLogOdds, kMostLogOdds);
+    for (int i = 0; i < 3; ++i) {
+      const int min = cube.min[i], max = min + (1 << cube.level);
+      if (min < kMinVoxel || max > kMaxVoxel) {
+        throw std::runtime_error("it has cells farther than " +
+                                 std::to_string(kMaxVoxel * header_.resolution) +
+                                 " m from the origin, which is as far as a map of that resolution reaches");
+      }
+      cell.box.min[i] = static_cast<std::int16_t>(min);
+      cell.box.max[i] = static_cast<std::int16_t>(max);
+    }
+    cells_.push_back(cell);
+  }
+
+  template <class T>
+  T next() {
+    T value;
+    take(reinterpret_cast<char*>(&value), sizeof(T));
+    return value;
+  }
+  void skip(std::size_t count) {
+    std::array<char, 3> ignored;
+    take(ignored.data(), count);
+  }
+  void take(char* to, std::size_t count) {
+    if (in_.sgetn(to, static_cast<std::streamsize>(count)) != static_cast<std::streamsize>(count))
+      throw std::runtime_error("it is truncated");
+  }
+
+  std::streambuf& in_;
+  const Header& header_;
+  const float low_, high_;    // log odds of .bt
+  const std::size_t colour_;  // bytes of a node
+  std::size_t nodes_ = 0;
+  std::vector<Cell> cells_;
+};
+
+// A probability of these very log odds, with as few digits as it takes: 0.97, not 0.96999999.
+double probabilityOf(float log_odds) {
+  double p = OccupancyMap::probability(log_odds);
+  for (int digits = 1; digits <= 17; ++digits) {
+    char text[40];
+    std::snprintf(text, sizeof(text), "%.*g", digits, p);
+    const double rounded = std::strtod(text, nullptr);
+    if (logOdds(rounded) == log_odds) return rounded;
+  }
+  for (int step = 0; step < 1000 && logOdds(p) != log_odds; ++step)
+    p = std::nextafter(p, logOdds(p) < log_odds ? 1.0 : 0.0);
+  return p;
+}
+
+// The clamping thresholds of OctoMap's library, which it gives to what it reads from a .bt file.
+constexpr double kClampingMin = 0.1192, kClampingMax = 0.971;
+
+OccupancyMap read(std::istream& in, Options options) {
+  const Header header = readHeader(in);
+  options.resolution = header.resolution;
+  OctreeReader reader(in, header, logOdds(kClampingMin), logOdds(kClampingMax));
+  const std::vector<Cell> cells = reader.read();
+  float least = logOdds(options.clamping_min), greatest = logOdds(options.clamping_max);
+  for (const Cell& cell : cells) {
+    least = std::min(least, cell.log_odds);
+    greatest = std::max(greatest, cell.log_odds);
+  }
+  if (least < logOdds(options.clamping_min)) options.clamping_min = probabilityOf(least);
+  if (greatest > logOdds(options.clamping_max)) options.clamping_max = probabilityOf(greatest);
+  return OccupancyMap::fromCells(options, cells);
+}
+
+}  // namespace
+
+OctomapData toOctomap(const OccupancyMap& map, OctomapFormat format) {
+  return OctreeWriter(map, format).write();
+}
+
+void writeOctomap(const OccupancyMap& map, const std::string& path, OctomapFormat format) {
+  const OctomapData data = toOctomap(map, format);
+  mapping_common::writeFile(path, [&](std::ostream& out) {
+    out << kFirstLine[format == OctomapFormat::kBinary ? 0 : 1]
+        << "\n# (feel free to add / change comments, but leave the first line as it is!)\n#\nid OcTree\nsize "
+        << data.nodes << "\nres " << mapping_common::toText(map.options().resolution) << "\ndata\n";
+    out.write(data.bytes.data(), static_cast<std::streamsize>(data.bytes.size()));
+  });
+}
+
+OccupancyMap readOctomap(const std::string& path, const Options& options) {
+  std::ifstream in(path, std::ios::binary);
+  if (!in) throw std::runtime_error(path + " can't be opened: " + std::strerror(errno));
+  try {
+    return read(in, options);
+  } catch (const std::exception& e) {
+    throw std::runtime_error(path + " was not loaded: " + e.what());
+  }
+}
+
+}  // namespace rtree_occupancy_map

@@ -1,0 +1,106 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "rtree_occupancy_map/ros/map_formats.h"
+
+#include <mapping_common/map_image.h>
+#include <rtree_occupancy_map/octomap_file.h>
+#include <rtree_occupancy_map/pcd_file.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <filesystem>
+#include <iterator>
+#include <sstream>
+#include <stdexcept>
+#include <utility>
+
+namespace rtree_occupancy_map {
+namespace {
+
+constexpr std::pair<const char*, MapFormat> kEndings[] = {
+    {"", MapFormat::kRTree},          {".map", MapFormat::kRTree}, {".bt", MapFormat::kOctomapBinary},
+    {".ot", MapFormat::kOctomapFull}, {".pcd", MapFormat::kPcd},   {".pgm", MapFormat::kMapServer},
+    {".yaml", MapFormat::kMapServer}};
+
+std::string endingOf(const std::string& path) {
+  return std::filesystem::path(path).extension().string();
+}
+
+mapping_common::MapImage imageOf(const nav_msgs::OccupancyGrid& grid) {
+  using mapping_common::MapImage;
+  MapImage image;
+  image.width = static_cast<int>(grid.info.width);
+  image.height = static_cast<int>(grid.info.height);
+  image.resolution = static_cast<double>(grid.info.resolution);
+  image.origin_x = grid.info.origin.position.x;
+  image.origin_y = grid.info.origin.position.y;
+  image.pixels.reserve(grid.data.size());
+  for (int y = image.height - 1; y >= 0; --y) {
+    const auto row = grid.data.begin() + static_cast<std::ptrdiff_t>(y) * image.width;
+    std::transform(row, row + image.width, std::back_inserter(image.pixels), [](std::int8_t value) {
+      return value < 0 ? MapImage::kUnknown : value > 50 ? MapImage::kOccupied : MapImage::kFree;
+    });
+  }
+  return image;
+}
+
+std::string writeProjection(const OccupancyMap& map, const std::string& path, const DisplayOptions& options) {
+  ProjectedMap projection;
+  projection.rebuild(map, options.occupancy_min_z, options.occupancy_max_z, options.occupancy_max_size, {});
+  mapping_common::MapImage image = imageOf(projection.grid());
+  image.resolution = map.options().resolution;
+  mapping_common::writeMapImage(path, image);
+  std::ostringstream text;
+  text << image.width << " x " << image.height << " pixels";
+  if (projection.leavesOut()) {
+    text << ", which are " << image.width * image.resolution << " m x " << image.height * image.resolution
+         << " m of " << projection.wholeSize().x() << " m x " << projection.wholeSize().y() << " m,";
+  }
+  return text.str();
+}
+
+}  // namespace
+
+MapFormat formatOf(const std::string& path) {
+  const std::string ending = endingOf(path);
+  for (const auto& [known, format] : kEndings)
+    if (ending == known) return format;
+  throw std::invalid_argument(
+      "path is '" + path +
+      "', allowed endings are .map or none (the R-tree map), .bt and .ot (OctoMap), .pcd "
+      "(occupied voxels), .pgm and .yaml (seen from above, for map_server)");
+}
+
+std::string writeMap(const OccupancyMap& map, const std::string& path, const DisplayOptions& projection) {
+  std::string what = std::to_string(map.tree().size()) + " cells";
+  switch (formatOf(path)) {
+    case MapFormat::kRTree:
+      map.save(path);
+      break;
+    case MapFormat::kOctomapBinary:
+      writeOctomap(map, path, OctomapFormat::kBinary);
+      break;
+    case MapFormat::kOctomapFull:
+      writeOctomap(map, path, OctomapFormat::kFull);
+      break;
+    case MapFormat::kPcd:
+      what = std::to_string(writePcd(map, path)) + " points";
+      break;
+    case MapFormat::kMapServer:
+      what = writeProjection(map, path, projection);
+      break;
+  }
+  return "Wrote " + what + " to " + path;
+}
+
+OccupancyMap readMap(const std::string& path, const Options& options) {
+  const std::string ending = endingOf(path);
+  if (ending == ".bt" || ending == ".ot") return readOctomap(path, options);
+  if (ending == ".pcd" || ending == ".pgm" || ending == ".yaml") {
+    throw std::runtime_error(path +
+                             " was not loaded: such files don't tell what is free in three dimensions; "
+                             "allowed are those of the R-tree map, and .bt and .ot of OctoMap");
+  }
+  return OccupancyMap::load(path, options);
+}
+
+}  // namespace rtree_occupancy_map

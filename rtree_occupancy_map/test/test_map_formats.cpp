@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <gtest/gtest.h>
+#include <mapping_common/files.h>
+#include <mapping_common/testing/temp_dir.h>
+#include <rtree_occupancy_map/ros/map_formats.h>
+#include <sys/wait.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <string>
+
+#include "plain_grid.h"
+
+namespace rtree_occupancy_map {
+namespace {
+
+using mapping_common::errorOf;
+using mapping_common::mentions;
+using mapping_common::readFile;
+using mapping_common::TempDir;
+
+std::map<Voxel, float> known(const OccupancyMap& map) {
+  bool disjoint = false;
+  return voxelsOf(map, &disjoint);
+}
+
+OccupancyMap smallMap() {
+  Options options;
+  options.resolution = 0.25;
+  OccupancyMap map(options);
+  RandomScans random(2);
+  for (int i = 0; i < 4; ++i) map.insertScan(random.next(100));
+  return map;
+}
+
+TEST(MapFormats, TheEndingDecides) {
+  EXPECT_EQ(MapFormat::kRTree, formatOf("/a.b/map"));
+  EXPECT_EQ(MapFormat::kRTree, formatOf("room.map"));
+  EXPECT_EQ(MapFormat::kOctomapBinary, formatOf("room.bt"));
+  EXPECT_EQ(MapFormat::kMapServer, formatOf("room.yaml"));
+  try {
+    formatOf("room.bz");
+    FAIL();
+  } catch (const std::invalid_argument& e) {
+    EXPECT_TRUE(mentions(e.what(), {"'room.bz'", ".map", ".bt", ".ot", ".pcd", ".pgm", ".yaml"}));
+  }
+}
+
+TEST(MapFormats, AreWrittenAndRead) {
+  const TempDir dir;
+  const OccupancyMap map = smallMap();
+  for (const char* name : {"a.map", "a", "a.ot"}) {
+    EXPECT_TRUE(mentions(writeMap(map, dir.path(name)), {"Wrote ", "cells to", name}));
+    EXPECT_EQ(known(map), known(readMap(dir.path(name)))) << name;
+  }
+  writeMap(map, dir.path("a.bt"));
+  EXPECT_EQ(known(map).size(), known(readMap(dir.path("a.bt"))).size());
+  EXPECT_TRUE(mentions(errorOf([&] { readMap(dir.path("a.pgm")); }), {"a.pgm", ".ot"}));
+  EXPECT_TRUE(mentions(errorOf([&] { writeMap(map, "/nowhere/a.ot"); }), {"/nowhere/a.ot"}));
+}
+
+TEST(MapFormats, SeenFromAbove) {
+  const TempDir dir;
+  Options options;
+  options.resolution = 0.5;
+  std::vector<Cell> cells(2);
+  cells[0].box = {{{-2, 33, 0}}, {{0, 34, 1}}};
+  cells[0].log_odds = 1.0F;
+  cells[1].box = {{{-32, 63, 10}}, {{-31, 64, 11}}};
+  cells[1].log_odds = -1.0F;
+  const OccupancyMap map = OccupancyMap::fromCells(options, cells);
+  EXPECT_TRUE(mentions(writeMap(map, dir.path("a.pgm")), {"32 x 32 pixels"}));
+  std::string expected(32 * 32, '\xcd');  // unknown; the topmost row is that of y = 63
+  expected[0] = '\xfe';
+  expected[30 * 32 + 30] = expected[30 * 32 + 31] = '\0';
+  EXPECT_EQ("P5\n32 32\n255\n" + expected, readFile(dir.path("a.pgm")));
+  EXPECT_TRUE(mentions(readFile(dir.path("a.yaml")),
+                       {"image: a.pgm\n", "resolution: 0.5\n", "origin: [-16, 16, 0]\n"}));
+  DisplayOptions high;
+  high.occupancy_min_z = 3.0;
+  writeMap(map, dir.path("b.yaml"), high);
+  EXPECT_EQ(std::string::npos, readFile(dir.path("b.pgm")).find('\0'));
+}
+
+class Tool : public testing::Test {
+ protected:
+  int run(const std::string& arguments) {
+    const std::string command =
+        std::string(RTREE_MAP) + ' ' + arguments + " > " + dir_.path("out") + " 2> " + dir_.path("err");
+    const int status = std::system(command.c_str());
+    out_ = readFile(dir_.path("out"));
+    err_ = readFile(dir_.path("err"));
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  }
+  TempDir dir_;
+  std::string out_, err_;
+};
+
+TEST_F(Tool, Converts) {
+  const OccupancyMap map = smallMap();
+  map.save(dir_.path("a.map"));
+  ASSERT_EQ(0, run("convert " + dir_.path("a.map") + ' ' + dir_.path("a.ot"))) << err_;
+  EXPECT_TRUE(mentions(out_, {"Wrote ", "a.ot"}));
+  ASSERT_EQ(0, run("convert " + dir_.path("a.ot") + ' ' + dir_.path("b.map"))) << err_;
+  EXPECT_EQ(known(map), known(OccupancyMap::load(dir_.path("b.map"))));
+  ASSERT_EQ(0, run("convert " + dir_.path("a.ot") + ' ' + dir_.path("b.pgm --min-z 1.0 --max-size 32")))
+      << err_;
+  EXPECT_TRUE(std::filesystem::exists(dir_.path("b.yaml")));
+  EXPECT_TRUE(mentions(out_, {"32 x 32 pixels", " m of "}));
+}
+
+TEST_F(Tool, SaysWhatIsWrong) {
+  const auto expect = [this](int code, const std::string& arguments,
+                             std::initializer_list<const char*> parts) {
+    EXPECT_EQ(code, run(arguments)) << arguments;
+    EXPECT_TRUE(mentions(err_, parts));
+    EXPECT_EQ("", out_);
+  };
+  smallMap().save(dir_.path("a.map"));
+  const std::string in = "convert " + dir_.path("a.map") + ' ';
+  expect(2, "", {"convert IN OUT"});
+  expect(2, "confuse a b", {"convert IN OUT"});
+  expect(2, in, {"convert IN OUT"});
+  expect(2, in + "out.jpeg", {"out.jpeg", ".pcd"});
+  expect(2, in + "out.pgm --max-size 0", {"max-size is 0"});
+  expect(1, "convert /nowhere/a.bt b.map", {"rtree_map: /nowhere/a.bt can't be opened"});
+  expect(1, in + "/nowhere/b.bt", {"/nowhere/b.bt"});
+}
+
+}  // namespace
+}  // namespace rtree_occupancy_map
+
+int main(int argc, char** argv) {
+  testing::InitGoogleTest(&argc, argv);
+  return RUN_ALL_TESTS();
+}
