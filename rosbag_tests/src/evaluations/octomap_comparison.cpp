@@ -42,8 +42,8 @@ class Stopwatch {
 };
 
 // OctoMap frees about a million small nodes in an insertion. The C library puts them together and sorts them,
-// some 10,000 at a time, when somebody next asks for more than a little. That is nobody's measured time, least
-// of all the other map's.
+// some 10,000 at a time, when somebody next asks for more than a little. That is nobody's measured time,
+// least of all the other map's.
 void settleAllocator() {
   static char* volatile block;  // or the compiler leaves it out
   for (int i = 0; i < 200; ++i) {
