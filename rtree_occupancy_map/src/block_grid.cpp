@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "row_kernels.h"
+
 namespace rtree_occupancy_map {
 namespace {
 
@@ -12,7 +14,7 @@ constexpr int kSize = kBlockSize;
 }  // namespace
 
 BlockGrid::BlockGrid(const Options& options)
-    : options_(options), model_(options), dense_(options.reflectivity) {
+    : options_(options), model_(options), dense_(options.reflectivity), found_(kBlockRows * kBlockSize) {
   for (int i = 0; i < 3; ++i) axes_[i] = options.search_order[i] - 'x';
 }
 
@@ -21,8 +23,10 @@ void BlockGrid::fuse(const Block& block, const BlockVoxels& voxels, const std::v
   for (int i = 0; i < 3; ++i) base_[i] = block[i] * kSize;
   voxels_ = &voxels;
   voxels.unpack(dense_);
-  if (fusible(Class::kBetween)) linkNeighbours();
-  out_.clear();
+  if (fusible(Class::kBetween)) {
+    rowKernels().link(voxels.rows(Class::kBetween), dense_.log_odds.data(), linked_);
+  }
+  num_found_ = 0;
   if (options_.fusion_strategy == FusionStrategy::kExpansion) {
     splitPieces(before);
     expand(selected);
@@ -30,7 +34,9 @@ void BlockGrid::fuse(const Block& block, const BlockVoxels& voxels, const std::v
   } else {
     for (const Class c : {Class::kHigh, Class::kBetween, Class::kLow}) {
       Rows open = voxels.rows(c);
-      fuseClass(open, c, {{0, 0, 0}, {kSize, kSize, kSize}}, [&](const LocalBox& box) { emit(box, c); });
+      fuseClass(
+          open, c, {{0, 0, 0}, {kSize, kSize, kSize}}, [&](const LocalBox& box) { emit(box, c); },
+          [&](int x, int y, std::uint32_t voxels) { emitSingles(x, y, voxels, c); });
     }
   }
   order(cells);
@@ -44,56 +50,71 @@ bool BlockGrid::fusible(Class c) const {
   return c == Class::kHigh || (c == Class::kLow && options_.sensor_model == SensorModel::kBeam);
 }
 
-void BlockGrid::emit(const LocalBox& b, Class c) {
-  Cell cell;
+// The order of the cells in the list: occupied ones first, so that they share leaves, then by sub-blocks of
+// 8^3 voxels along a Z-order curve; within those, single voxels first, since a run of like cells unpacks
+// faster.
+constexpr int kRanks = 2 * 64 * 2;
+constexpr auto kZOrder = [] {
+  std::array<std::uint8_t, 64> rank{};
+  for (int z = 0; z < 4; ++z)
+    for (int y = 0; y < 4; ++y)
+      for (int x = 0; x < 4; ++x)
+        rank[z << 4 | y << 2 | x] = static_cast<std::uint8_t>((x & 1) | (y & 1) << 1 | (z & 1) << 2 |
+                                                              (x & 2) << 2 | (y & 2) << 3 | (z & 2) << 4);
+  return rank;
+}();
+
+inline void BlockGrid::emit(const LocalBox& b, Class c) {
+  Found& f = found_[num_found_++];
   for (int i = 0; i < 3; ++i) {
-    cell.box.min[i] = static_cast<std::int16_t>(base_[i] + b.min[i]);
-    cell.box.max[i] = static_cast<std::int16_t>(base_[i] + b.max[i]);
+    f.min[i] = static_cast<std::uint8_t>(b.min[i]);
+    f.max[i] = static_cast<std::uint8_t>(b.max[i]);
   }
-  cell.log_odds = logOddsOf(c, (b.min[1] * kSize + b.min[0]) * kSize + b.min[2]);
-  const Rows* textured = voxels_->textured();
-  if (textured != nullptr && cell.log_odds >= model_.occupied) {
-    double sum = 0.0, hits = 0.0;
-    int voxels = 0;
-    for (int y = b.min[1]; y < b.max[1]; ++y) {
-      for (int x = b.min[0]; x < b.max[0]; ++x) {
-        const int row = y * kSize + x;
-        forEachBit((*textured)[row] & bits(b.min[2], b.max[2]), [&](int z) {
-          sum += dense_.reflectivity[row * kSize + z].mean;
-          hits += dense_.reflectivity[row * kSize + z].hits;
-          ++voxels;
-        });
-      }
-    }
-    if (voxels > 0)
-      cell.reflectivity = {static_cast<float>(sum / voxels),
-                           static_cast<std::uint32_t>(std::ceil(hits / voxels))};
-  }
-  out_.push_back(cell);
+  f.log_odds = logOddsOf(c, (b.min[1] * kSize + b.min[0]) * kSize + b.min[2]);
+  const int sub_block = (b.min[2] & 24) << 1 | (b.min[1] & 24) >> 1 | b.min[0] >> 3;
+  const bool single = b.max[0] + b.max[1] + b.max[2] - b.min[0] - b.min[1] - b.min[2] == 3;
+  f.rank = static_cast<std::uint8_t>((f.log_odds < model_.occupied) << 7 | kZOrder[sub_block] << 1 |
+                                     static_cast<int>(!single));
 }
 
-// Which voxels between the thresholds have the log odds of their next one along x, y, z.
-void BlockGrid::linkNeighbours() {
-  const Rows& between = voxels_->rows(Class::kBetween);
-  const auto link = [this](int row, int next_row, int dz, std::uint32_t both) {
-    std::uint32_t equal = 0;
-    const float *value = &dense_.log_odds[row * kSize], *next = &dense_.log_odds[next_row * kSize + dz];
-    forEachBit(both, [&](int z) { equal |= static_cast<std::uint32_t>(value[z] == next[z]) << z; });
-    return equal;
-  };
-  for (int row = 0; row < kSize * kSize; ++row) {
-    const std::uint32_t here = between[row];
-    linked_[0][row] = row % kSize < kSize - 1 ? link(row, row + 1, 0, here & between[row + 1]) : 0;
-    linked_[1][row] = row / kSize < kSize - 1 ? link(row, row + kSize, 0, here & between[row + kSize]) : 0;
-    linked_[2][row] = link(row, row, 1, here & here >> 1);
+// Voxels of a column that are cells as they are.
+inline void BlockGrid::emitSingles(int x, int y, std::uint32_t voxels, Class c) {
+  const auto byte = [](int i) { return static_cast<std::uint8_t>(i); };
+  const int row = y * kSize + x, sub_block = (y & 24) >> 1 | x >> 3;
+  Found* f = &found_[num_found_];
+  forEachBit(voxels, [&](int z) {
+    const float log_odds = logOddsOf(c, row * kSize + z);
+    const int rank = (log_odds < model_.occupied) << 7 | kZOrder[(z & 24) << 1 | sub_block] << 1;
+    *f++ = {{byte(x), byte(y), byte(z)}, {byte(x + 1), byte(y + 1), byte(z + 1)}, byte(rank), log_odds};
+  });
+  num_found_ = static_cast<std::size_t>(f - found_.data());
+}
+
+Reflectivity BlockGrid::reflectivityOf(const Found& cell) const {
+  const Rows* textured = voxels_->textured();
+  if (textured == nullptr || cell.log_odds < model_.occupied) return {};
+  double sum = 0.0, hits = 0.0;
+  int voxels = 0;
+  for (int y = cell.min[1]; y < cell.max[1]; ++y) {
+    for (int x = cell.min[0]; x < cell.max[0]; ++x) {
+      const int row = y * kSize + x;
+      forEachBit((*textured)[row] & bits(cell.min[2], cell.max[2]), [&](int z) {
+        sum += dense_.reflectivity[row * kSize + z].mean;
+        hits += dense_.reflectivity[row * kSize + z].hits;
+        ++voxels;
+      });
+    }
   }
+  if (voxels == 0) return {};
+  return {static_cast<float>(sum / voxels), static_cast<std::uint32_t>(std::ceil(hits / voxels))};
 }
 
 // Divides the open voxels within a box, all of one class, into cuboids of equal log odds: from the first
 // voxel that is left, as far as possible along the first axis of the search order, then the second, then the
-// third. kLinked: log odds are equal where linked_ says so; otherwise they are equal as a matter of course.
-template <bool kLinked, class Sink>
-void BlockGrid::fuseGreedily(Rows& open, const LocalBox& within, Sink&& sink) const {
+// third. `sink(box)` gets those, `singles(x, y, voxels)` columns of them that join nothing. kLinked: log odds
+// are equal where linked_ says so; otherwise they are equal as a matter of course.
+template <bool kLinked, class Sink, class Singles>
+void BlockGrid::fuseGreedily(Rows& open, const LocalBox& within, Sink&& sink, Singles&& singles) const {
   const std::uint32_t column = bits(within.min[2], within.max[2]);
   // Whether the voxels of `mask` are open in a row and can join those of the row before it along an axis.
   const auto joins = [&](int row, std::uint32_t mask, int axis, int before) {
@@ -109,7 +130,7 @@ void BlockGrid::fuseGreedily(Rows& open, const LocalBox& within, Sink&& sink) co
       joined |= joined << 1;
       if (x + 1 < within.max[0]) joined |= kLinked ? linked_[0][first] : open[first + 1];
       if (y + 1 < within.max[1]) joined |= kLinked ? linked_[1][first] : open[first + kSize];
-      forEachBit(here & ~joined, [&](int z) { sink(LocalBox{{x, y, z}, {x + 1, y + 1, z + 1}}); });
+      if ((here & ~joined) != 0) singles(x, y, here & ~joined);
       open[first] &= ~(here & ~joined);
 
       while ((open[first] & column) != 0) {
@@ -151,48 +172,39 @@ void BlockGrid::fuseGreedily(Rows& open, const LocalBox& within, Sink&& sink) co
   }
 }
 
-template <class Sink>
-void BlockGrid::fuseClass(Rows& open, Class c, const LocalBox& within, Sink&& sink) const {
+template <class Sink, class Singles>
+void BlockGrid::fuseClass(Rows& open, Class c, const LocalBox& within, Sink&& sink, Singles&& singles) const {
   if (fusible(c)) {
-    c == Class::kBetween ? fuseGreedily<true>(open, within, sink) : fuseGreedily<false>(open, within, sink);
+    c == Class::kBetween ? fuseGreedily<true>(open, within, sink, singles)
+                         : fuseGreedily<false>(open, within, sink, singles);
     return;
   }
   const std::uint32_t column = bits(within.min[2], within.max[2]);
   for (int y = within.min[1]; y < within.max[1]; ++y) {
     for (int x = within.min[0]; x < within.max[0]; ++x) {
       const int row = y * kSize + x;
-      forEachBit(open[row] & column, [&](int z) { sink(LocalBox{{x, y, z}, {x + 1, y + 1, z + 1}}); });
+      singles(x, y, open[row] & column);
       open[row] &= ~column;
     }
   }
 }
 
-// Occupied cells first, so that they share leaves, then by sub-blocks of 8^3 voxels along a Z-order curve;
-// within those, single voxels first, since a run of like cells unpacks faster.
 void BlockGrid::order(std::vector<Cell>& cells) {
-  static const std::array<std::uint8_t, 64> kZOrder = [] {
-    std::array<std::uint8_t, 64> rank{};
-    for (int z = 0; z < 4; ++z)
-      for (int y = 0; y < 4; ++y)
-        for (int x = 0; x < 4; ++x)
-          rank[z << 4 | y << 2 | x] = static_cast<std::uint8_t>((x & 1) | (y & 1) << 1 | (z & 1) << 2 |
-                                                                (x & 2) << 2 | (y & 2) << 3 | (z & 2) << 4);
-    return rank;
-  }();
-  constexpr int kRanks = 2 * 64 * 2;
   std::array<std::uint32_t, kRanks + 1> begin{};
-  ranks_.resize(out_.size());
-  for (std::size_t i = 0; i < out_.size(); ++i) {
-    const Cell& c = out_[i];
-    const int x = (c.box.min[0] - base_[0]) >> 3, y = (c.box.min[1] - base_[1]) >> 3,
-              z = (c.box.min[2] - base_[2]) >> 3;
-    ranks_[i] = static_cast<std::uint8_t>((c.log_odds < model_.occupied) << 7 |
-                                          kZOrder[z << 4 | y << 2 | x] << 1 | (c.box.margin() > 3));
-    ++begin[ranks_[i] + 1];
-  }
+  for (std::size_t i = 0; i < num_found_; ++i) ++begin[found_[i].rank + 1];
   for (int i = 0; i < kRanks; ++i) begin[i + 1] += begin[i];
-  cells.resize(out_.size());
-  for (std::size_t i = 0; i < out_.size(); ++i) cells[begin[ranks_[i]]++] = out_[i];
+  cells.resize(num_found_);
+  const bool textured = voxels_->textured() != nullptr;
+  for (std::size_t i = 0; i < num_found_; ++i) {
+    const Found& f = found_[i];
+    Cell& cell = cells[begin[f.rank]++];
+    for (int k = 0; k < 3; ++k) {
+      cell.box.min[k] = static_cast<std::int16_t>(base_[k] + f.min[k]);
+      cell.box.max[k] = static_cast<std::int16_t>(base_[k] + f.max[k]);
+    }
+    cell.log_odds = f.log_odds;
+    cell.reflectivity = textured ? reflectivityOf(f) : Reflectivity();
+  }
 }
 
 // ---- expansion and fusion of Fig. 2.7 ------------------------------------------------------------
@@ -204,17 +216,19 @@ void BlockGrid::splitPieces(const std::vector<VoxelBox>& before) {
   for (const Class c : {Class::kHigh, Class::kBetween, Class::kLow}) {
     Rows open = voxels_->rows(c);
     const auto add = [&](const LocalBox& box) { pieces_.push_back({box, c}); };
+    const auto add_singles = [&](int x, int y, std::uint32_t voxels) {
+      forEachBit(voxels, [&](int z) { add({{x, y, z}, {x + 1, y + 1, z + 1}}); });
+    };
     for (const VoxelBox& b : before) {
       LocalBox local;
       for (int i = 0; i < 3; ++i) {
         local.min[i] = b.min[i] - base_[i];
         local.max[i] = b.max[i] - base_[i];
       }
-      fuseClass(open, c, local, add);
+      fuseClass(open, c, local, add, add_singles);
     }
     for (int row = 0; row < kSize * kSize; ++row) {
-      const int x = row % kSize, y = row / kSize;
-      forEachBit(open[row], [&](int z) { add({{x, y, z}, {x + 1, y + 1, z + 1}}); });
+      add_singles(row % kSize, row / kSize, open[row]);
     }
   }
 }

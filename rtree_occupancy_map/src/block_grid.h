@@ -37,22 +37,29 @@ class BlockGrid {
     LocalBox box;
     Class c;
   };
+  // A cell on its way into the list, short, as there are many.
+  struct Found {
+    std::array<std::uint8_t, 3> min, max;
+    std::uint8_t rank;  // in the order of the list
+    float log_odds;
+  };
 
   float logOddsOf(Class c, int index) const {
     return c == Class::kLow ? model_.min : c == Class::kHigh ? model_.max : dense_.log_odds[index];
   }
   bool fusible(Class c) const;
   bool slabFits(Class c, float log_odds, const LocalBox& slab) const;
-  void linkNeighbours();
-  template <bool kLinked, class Sink>
-  void fuseGreedily(Rows& open, const LocalBox& within, Sink&& sink) const;
-  template <class Sink>
-  void fuseClass(Rows& open, Class c, const LocalBox& within, Sink&& sink) const;
+  template <bool kLinked, class Sink, class Singles>
+  void fuseGreedily(Rows& open, const LocalBox& within, Sink&& sink, Singles&& singles) const;
+  template <class Sink, class Singles>
+  void fuseClass(Rows& open, Class c, const LocalBox& within, Sink&& sink, Singles&& singles) const;
   void splitPieces(const std::vector<VoxelBox>& before);
   void expand(const std::vector<int>& selected);
   bool expandOnce(int number);
   void own(int number, const LocalBox& box);
   void emit(const LocalBox& box, Class c);
+  void emitSingles(int x, int y, std::uint32_t voxels, Class c);
+  Reflectivity reflectivityOf(const Found& cell) const;
   void order(std::vector<Cell>& cells);
 
   const Options options_;  // not a reference: the map that owns both may be moved
@@ -65,8 +72,8 @@ class BlockGrid {
   std::array<Rows, 3> linked_;           // voxels of equal log odds as their next one along each axis
   std::vector<Piece> pieces_;            // the cells of the block, during fusion
   std::vector<std::uint16_t> owner_;     // of a voxel: number of its piece; expansion only
-  std::vector<Cell> out_;
-  std::vector<std::uint8_t> ranks_;
+  std::vector<Found> found_;             // as many as there can be; the first num_found_ are of this block
+  std::size_t num_found_ = 0;
 };
 
 }  // namespace rtree_occupancy_map

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <limits>
 
+#include "row_kernels.h"
+
 namespace rtree_occupancy_map {
 
 void BlockVoxels::start() {
@@ -49,10 +51,7 @@ void BlockVoxels::pack(const DenseBlock& dense) {
 }
 
 void BlockVoxels::unpack(DenseBlock& dense) const {
-  const float* in = log_odds_.data();
-  for (int row = 0; row < kBlockRows; ++row) {
-    forEachBit(between_[row], [&](int z) { dense.log_odds[row * kBlockSize + z] = *in++; });
-  }
+  rowKernels().unpack(between_, log_odds_.data(), dense.log_odds.data());
   unpackTexture(dense);
 }
 
@@ -73,13 +72,12 @@ void BlockVoxels::unpackTexture(DenseBlock& dense) const {
   }
 }
 
-// Rows that the scan changes are written anew, those between are moved as a whole. What a voxel has been and
-// what becomes of it is looked up, as there is no foreseeing it for a branch.
+// Rows that the scan changes are written anew, those between are moved as a whole.
 bool BlockVoxels::update(const ScanMask& mask, const LogOddsModel& model, bool settle, DenseBlock& buffer) {
   const float* const in = log_odds_.data();
   float* const begin = buffer.log_odds.data();
   float* out = begin;
-  const float settled_at[] = {model.prior, model.min, model.max}, updates[] = {0.0F, model.miss, model.hit};
+  const RowKernels& kernels = rowKernels();
   int moved = 0;  // values that have been written, of those in log_odds_
   bool changed = false;
   for (int first = 0; first < kBlockRows; first += kBlockSize) {
@@ -106,31 +104,18 @@ bool BlockVoxels::update(const ScanMask& mask, const LogOddsModel& model, bool s
         begin_[row] = static_cast<std::uint16_t>(begin_[row] + (out - begin) - moved);
         continue;
       }
-      const std::uint32_t low = low_[row], high = high_[row], between = between_[row];
       if (const int here = begin_[row]; here != moved) {
         out = std::copy(in + moved, in + here, out);
         moved = here;
       }
       begin_[row] = static_cast<std::uint16_t>(out - begin);
-      std::uint32_t new_low = low & ~hit, new_high = high & ~miss;
-      std::uint32_t todo = between | hit | miss;
-      const std::uint32_t all = todo;
-      do {
-        const int z = __builtin_ctz(todo);
-        todo &= todo - 1;
-        const auto bit = [z](std::uint32_t word) { return word >> z & 1; };
-        const float* before = bit(between) != 0 ? in + moved : &settled_at[bit(low) | bit(high) << 1];
-        moved += static_cast<int>(bit(between));
-        const float log_odds = *before + updates[bit(miss) | bit(hit) << 1];
-        const std::uint32_t is_low = log_odds <= model.min, is_high = log_odds >= model.max;
-        *out = log_odds;
-        out += 1 - static_cast<int>(is_low | is_high);
-        new_low |= is_low << z;
-        new_high |= is_high << z;
-      } while (todo != 0);
-      low_[row] = new_low;
-      high_[row] = new_high;
-      between_[row] = all & ~(new_low | new_high);
+      RowUpdate update{low_[row], high_[row], between_[row], in + moved, out};
+      kernels.update(update, hit, miss, model);
+      low_[row] = update.low;
+      high_[row] = update.high;
+      between_[row] = update.between;
+      moved = static_cast<int>(update.in - in);
+      out = update.out;
     }
   }
   if (!changed) return false;

@@ -9,6 +9,7 @@
 
 #include "block_rows.h"
 #include "log_odds.h"
+#include "row_kernels.h"
 
 namespace rtree_occupancy_map {
 
@@ -20,7 +21,7 @@ struct DenseBlock {
   explicit DenseBlock(bool with_reflectivity) {
     if (with_reflectivity) reflectivity.resize(log_odds.size());
   }
-  std::array<float, kBlockRows * kBlockSize + 1> log_odds;  // one more than there are voxels, see BlockVoxels
+  std::array<float, kBlockRows * kBlockSize + kRowOverhang> log_odds;
   std::vector<Reflectivity> reflectivity;
 };
 

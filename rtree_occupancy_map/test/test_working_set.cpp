@@ -3,6 +3,7 @@
 // Blocks stay taken apart between scans: nobody may notice.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
 #include <random>
@@ -10,6 +11,7 @@
 #include <tuple>
 
 #include "plain_grid.h"
+#include "row_kernels.h"
 #include "worker_pool.h"
 
 namespace rtree_occupancy_map {
@@ -239,6 +241,46 @@ TEST(WorkerPool, DoesAllWorkOnceAndPassesExceptionsOn) {
                std::runtime_error);
   pool.run(0, 2, [](std::size_t, int) { FAIL(); });
   EXPECT_GE(WorkerPool(0).size(), 1);
+}
+
+// Where the processor has no vector instructions, both are the portable ones.
+TEST(RowKernels, SayTheSameWithVectorInstructions) {
+  constexpr int kVoxels = kBlockRows * kBlockSize;
+  const LogOddsModel model{Options()};
+  const RowKernels &portable = portableRowKernels(), &chosen = rowKernels();
+  std::mt19937 random(31 + testSeed());
+  const auto number = [&] { return model.min + 0.25F * static_cast<float>(1 + random() % 16); };
+  for (int round = 0; round < 20; ++round) {
+    BlockRows rows;
+    for (std::uint32_t& row : rows) row = round % 4 == 0 ? ~0u : random() & random();
+    std::vector<float> packed(kVoxels + 1);
+    std::generate(packed.begin(), packed.end(), number);
+    std::vector<float> dense(kVoxels + kRowOverhang, -1.0F), expected(dense);
+    portable.unpack(rows, packed.data(), expected.data());
+    chosen.unpack(rows, packed.data(), dense.data());
+    for (int i = 0; i < kVoxels; ++i) {
+      if ((rows[i / kBlockSize] >> i % kBlockSize & 1) != 0) {
+        ASSERT_EQ(dense[i], expected[i]);
+      }
+    }
+    std::array<BlockRows, 3> linked, expected_linked;
+    portable.link(rows, expected.data(), expected_linked);
+    chosen.link(rows, dense.data(), linked);
+    EXPECT_EQ(linked, expected_linked);
+
+    for (int row = 0; row < kBlockRows; ++row) {
+      const std::uint32_t low = random() & ~rows[row], high = random() & ~(rows[row] | low), a = random();
+      const std::uint32_t hit = a & random() & ~high, miss = ~a & random() & ~low;
+      float out[kBlockSize + kRowOverhang], expected_out[kBlockSize + kRowOverhang];
+      RowUpdate r{low, high, rows[row], packed.data(), out},
+          e{low, high, rows[row], packed.data(), expected_out};
+      chosen.update(r, hit, miss, model);
+      portable.update(e, hit, miss, model);
+      ASSERT_EQ(std::make_tuple(r.low, r.high, r.between, r.in - packed.data()),
+                std::make_tuple(e.low, e.high, e.between, e.in - packed.data()));
+      ASSERT_EQ(std::vector<float>(out, r.out), std::vector<float>(expected_out, e.out));
+    }
+  }
 }
 
 // Where a beam meets edges and corners of voxels, the order of the steps decides what it crosses.
