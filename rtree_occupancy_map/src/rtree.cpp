@@ -7,8 +7,14 @@
 #include <stdexcept>
 #include <tuple>
 
+#ifdef __SSE2__
+#include <emmintrin.h>
+#endif
+
 namespace rtree_occupancy_map {
 namespace {
+
+constexpr std::size_t kCacheLine = 64;  // bytes
 
 // Spreads the low 16 bits of v so that two zero bits follow each.
 std::uint64_t spread(std::uint64_t v) {
@@ -24,6 +30,28 @@ std::uint64_t zOrder(const VoxelBox& b) {
     return spread(static_cast<std::uint16_t>((b.min[axis] + b.max[axis]) / 2 + 32768));
   };
   return coordinate(0) | coordinate(1) << 1 | coordinate(2) << 2;
+}
+
+// Four bytes behind the last box have to be readable.
+VoxelBox uniteAll(const VoxelBox* box, int count) {
+  VoxelBox all = VoxelBox::empty();
+#ifdef __SSE2__
+  if (count == 0) return all;
+  const auto load = [&](int i) { return _mm_loadu_si128(reinterpret_cast<const __m128i*>(box + i)); };
+  __m128i min = load(0), max = min;
+  for (int i = 1; i < count; ++i) {
+    min = _mm_min_epi16(min, load(i));
+    max = _mm_max_epi16(max, load(i));
+  }
+  alignas(16) std::int16_t least[8], greatest[8];
+  _mm_store_si128(reinterpret_cast<__m128i*>(least), min);
+  _mm_store_si128(reinterpret_cast<__m128i*>(greatest), max);
+  std::copy_n(least, 3, all.min.begin());
+  std::copy_n(greatest + 3, 3, all.max.begin());
+#else
+  for (int i = 0; i < count; ++i) all = unite(all, box[i]);
+#endif
+  return all;
 }
 
 // Entry i of n that are shared out evenly among `nodes` nodes begins here.
@@ -105,27 +133,41 @@ int RTree::slotInParent(NodeId id) const {
 
 RTree::Entry RTree::summary(NodeId id) const {
   Node* n = node(id);
+  const VoxelBox* box = boxes(n);
+  const Payload* payload = payloads(n);
   Entry e;
-  e.box = VoxelBox::empty();
+  e.box = uniteAll(box, n->count);
   bool occupied = false;
   for (int i = 0; i < n->count; ++i) {
-    e.box = unite(e.box, boxes(n)[i]);
-    occupied |=
-        n->level == 0 ? isOccupied(payloads(n)[i].log_odds) : (payloads(n)[i].child & kOccupiedBit) != 0;
+    occupied |= n->level == 0 ? isOccupied(payload[i].log_odds) : (payload[i].child & kOccupiedBit) != 0;
   }
   e.payload.child = id | (occupied ? kOccupiedBit : 0);
   return e;
 }
 
+// @return whether that changes the parent's entry
+bool RTree::updateInParent(NodeId id) {
+  Node* p = node(node(id)->parent);
+  const int slot = slotInParent(id);
+  const Entry now = summary(id);
+  if (boxes(p)[slot] == now.box && payloads(p)[slot].child == now.payload.child) return false;
+  setEntry(p, slot, now);
+  return true;
+}
+
 void RTree::refit(NodeId id) {
-  while (id != root_) {
-    const NodeId parent = node(id)->parent;
-    Node* p = node(parent);
-    const int slot = slotInParent(id);
-    const Entry now = summary(id);
-    if (boxes(p)[slot] == now.box && payloads(p)[slot].child == now.payload.child) return;
-    setEntry(p, slot, now);
-    id = parent;
+  while (id != root_ && updateInParent(id)) id = node(id)->parent;
+}
+
+void RTree::refitAll(std::vector<NodeId>& nodes) {
+  while (!nodes.empty()) {
+    std::size_t parents = 0;
+    for (const NodeId id : nodes) {
+      if (id == root_) continue;
+      const NodeId parent = node(id)->parent;
+      if (updateInParent(id) && (parents == 0 || nodes[parents - 1] != parent)) nodes[parents++] = parent;
+    }
+    nodes.resize(parents);
   }
 }
 
@@ -268,43 +310,46 @@ void RTree::shortenRoot() {
 
 void RTree::replace(const VoxelBox& region, const std::vector<Cell>& cells) {
   leaves_.clear();
-  kept_.clear();
-  added_.clear();
-  for (const Cell& cell : cells) added_.push_back(cellEntry(cell));
+  rest_.clear();
   collectReplaced(root_, region);
   num_cells_ += cells.size();
 
-  const std::size_t total = added_.size() + kept_.size();
   const auto d = static_cast<std::size_t>(options_.min_entries),
              M = static_cast<std::size_t>(options_.max_entries);
   const bool root_is_leaf = node(root_)->level == 0;
-  if (!root_is_leaf && added_.size() >= d && kept_.size() >= d) {
-    pack(added_.data(), added_.size());
-    added_ = kept_;
+  if (!root_is_leaf && cells.size() >= d && rest_.size() >= d) {
+    pack(cells.data(), cells.size());
   } else {
-    added_.insert(added_.end(), kept_.begin(), kept_.end());
+    rest_.insert(rest_.begin(), cells.begin(), cells.end());
   }
-  if (root_is_leaf && total > M) {
-    rebuild(added_);
+  if (root_is_leaf && rest_.size() > M) {
+    rebuild(rest_);
     return;
   }
-  const bool fills_leaves = added_.size() >= d || root_is_leaf;
-  if (fills_leaves) pack(added_.data(), added_.size());
+  const bool fills_leaves = rest_.size() >= d || root_is_leaf;
+  if (fills_leaves) pack(rest_.data(), rest_.size());
   for (const NodeId leaf : leaves_) {  // no longer needed
     node(leaf)->count = 0;
     condense(leaf);
   }
   if (fills_leaves) return;
-  for (const Entry& e : added_) insertEntry(e, 0);
+  for (const Cell& cell : rest_) insertEntry(cellEntry(cell), 0);
 }
 
-// Leaves that hold a cell of the region go to leaves_, their other cells to kept_.
+// Leaves that hold a cell of the region go to leaves_, their other cells to rest_.
 void RTree::collectReplaced(NodeId id, const VoxelBox& region) {
   Node* n = node(id);
   const VoxelBox* box = boxes(n);
   if (n->level > 0) {
+    const auto child = [&](int i) { return payloads(n)[i].child & ~kOccupiedBit; };
     for (int i = 0; i < n->count; ++i) {
-      if (region.overlaps(box[i])) collectReplaced(payloads(n)[i].child & ~kOccupiedBit, region);
+      if (!region.overlaps(box[i])) continue;
+      // The leaves lie scattered in memory.
+      const char* next = reinterpret_cast<const char*>(node(child(i)));
+      for (std::size_t k = 0; k < stride_; k += kCacheLine) __builtin_prefetch(next + k);
+    }
+    for (int i = 0; i < n->count; ++i) {
+      if (region.overlaps(box[i])) collectReplaced(child(i), region);
     }
     return;
   }
@@ -315,43 +360,56 @@ void RTree::collectReplaced(NodeId id, const VoxelBox& region) {
   num_cells_ -= replaced;
   if (replaced == n->count) return;
   for (int i = 0; i < n->count; ++i) {
-    if (!region.contains(box[i])) kept_.push_back(entryAt(n, i));
+    if (!region.contains(box[i])) rest_.push_back(cellAt(n, i));
   }
 }
 
-// Shares the entries out evenly among as few leaves as hold them: first those of leaves_, then new ones.
-void RTree::pack(const Entry* entries, std::size_t count) {
+void RTree::fillLeaf(NodeId id, const Cell* cells, std::size_t count) {
+  Node* n = node(id);
+  n->count = static_cast<std::uint16_t>(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    boxes(n)[i] = cells[i].box;
+    payloads(n)[i].log_odds = cells[i].log_odds;
+    if (options_.store_reflectivity) reflectivities(n)[i] = cells[i].reflectivity;
+  }
+}
+
+// Shares the cells out evenly among as few leaves as hold them: first those of leaves_, then new ones.
+void RTree::pack(const Cell* cells, std::size_t count) {
   const std::size_t nodes = (count + options_.max_entries - 1) / options_.max_entries;
-  for (std::size_t k = 0; k < nodes; ++k) {
-    const bool is_new = leaves_.empty();
-    const NodeId id = is_new ? allocateNode(0) : leaves_.back();
-    Node* n = node(id);
-    n->count = 0;
-    for (std::size_t i = share(count, nodes, k); i < share(count, nodes, k + 1); ++i) append(id, entries[i]);
-    if (is_new) {
-      insertEntry(summary(id), 1);
-    } else {
-      leaves_.pop_back();
-      refit(id);
-    }
+  const auto fill = [&](NodeId id, std::size_t k) {
+    fillLeaf(id, cells + share(count, nodes, k), share(count, nodes, k + 1) - share(count, nodes, k));
+  };
+  std::size_t k = 0;
+  refilled_.clear();
+  for (; k < nodes && !leaves_.empty(); ++k) {
+    refilled_.push_back(leaves_.back());
+    leaves_.pop_back();
+    fill(refilled_.back(), k);
+  }
+  refitAll(refilled_);
+  for (; k < nodes; ++k) {
+    const NodeId id = allocateNode(0);
+    fill(id, k);
+    insertEntry(summary(id), 1);
   }
 }
 
 void RTree::bulkLoad(std::vector<Cell> cells) {
-  std::vector<Entry> entries;
-  entries.reserve(cells.size());
-  for (const Cell& c : cells) entries.push_back(cellEntry(c));
-  std::sort(entries.begin(), entries.end(),
-            [](const Entry& a, const Entry& b) { return zOrder(a.box) < zOrder(b.box); });
-  num_cells_ = entries.size();
-  rebuild(entries);
+  std::sort(cells.begin(), cells.end(),
+            [](const Cell& a, const Cell& b) { return zOrder(a.box) < zOrder(b.box); });
+  num_cells_ = cells.size();
+  rebuild(cells);
 }
 
-// Packs the entries, bottom up. Consumes them. num_cells_ is up to date already.
-void RTree::rebuild(std::vector<Entry>& entries) {
-  const std::size_t cells = num_cells_;
+// Packs the cells, bottom up. num_cells_ is up to date already.
+void RTree::rebuild(const std::vector<Cell>& cells) {
+  const std::size_t num_cells = num_cells_;
   clear();
-  num_cells_ = cells;
+  num_cells_ = num_cells;
+  std::vector<Entry> entries;
+  entries.reserve(cells.size());
+  for (const Cell& cell : cells) entries.push_back(cellEntry(cell));
   if (entries.empty()) return;
   for (int level = 0; level == 0 || entries.size() > 1; ++level) {
     const std::size_t nodes = (entries.size() + options_.max_entries - 1) / options_.max_entries;

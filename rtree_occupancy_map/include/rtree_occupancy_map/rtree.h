@@ -236,12 +236,15 @@ class RTree {
 
   void insertEntry(const Entry& entry, int level);
   void split(NodeId id, const Entry& extra);
-  void refit(NodeId id);     // brings the boxes and flags above up to date, as far as they change
-  void condense(NodeId id);  // after a removal: refit, or dissolve what has fallen below d
+  bool updateInParent(NodeId id);
+  void refit(NodeId id);  // brings the boxes and flags above up to date, as far as they change
+  void refitAll(std::vector<NodeId>& nodes);  // the same for nodes of one level
+  void condense(NodeId id);                   // after a removal: refit, or dissolve what has fallen below d
   void shortenRoot();
   void collectReplaced(NodeId id, const VoxelBox& region);
-  void pack(const Entry* entries, std::size_t count);
-  void rebuild(std::vector<Entry>& entries);
+  void fillLeaf(NodeId id, const Cell* cells, std::size_t count);
+  void pack(const Cell* cells, std::size_t count);
+  void rebuild(const std::vector<Cell>& cells);
 
   RTreeOptions options_;
   Split split_ = nullptr;
@@ -254,7 +257,8 @@ class RTree {
   std::size_t num_nodes_ = 0;
   // Buffers of replace(), kept to save allocations.
   std::vector<NodeId> leaves_;
-  std::vector<Entry> kept_, added_;
+  std::vector<Cell> rest_;
+  std::vector<NodeId> refilled_;
 };
 
 }  // namespace rtree_occupancy_map
