@@ -114,7 +114,7 @@ bool BeamTracer::prepare(const Beam& beam, Walk& walk) const {
 }
 
 void BeamTracer::trace(const Beam& beam) {
-  if (beam.end == origin_voxel_) return;
+  if (isSame(beam.end, origin_voxel_)) return;
   Walk walk;
   if (prepare(beam, walk)) {
     bool certain = false;
@@ -222,7 +222,7 @@ void BeamTracer::traceSteps(const Beam& beam, Walk walk) {
     walk.next[axis] += walk.delta[axis];
     v[axis] += walk.sign[axis];
     // The end may be passed by for rounding. As OctoMap does, the beam then goes on for as long as it is.
-    if (v == beam.end || walk.next[walk.nearest()] > walk.length || !inside(axis)) return;
+    if (isSame(v, beam.end) || walk.next[walk.nearest()] > walk.length || !inside(axis)) return;
     if (v[axis] >> kBlockBits == block) continue;
     slot = neighbourOf(slot, axis, walk.sign[axis]);
     words = wordsOf(slot, 2);

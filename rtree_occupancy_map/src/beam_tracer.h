@@ -77,15 +77,29 @@ inline Eigen::Vector3f unitVector(const Eigen::Vector3f& v) {
   return v / static_cast<float>(lengthOf(v));
 }
 
+/// In place of ==, for which the compiler calls the C library.
+inline bool isSame(const Voxel& a, const Voxel& b) {
+  return ((a[0] ^ b[0]) | (a[1] ^ b[1]) | (a[2] ^ b[2])) == 0;
+}
+
+/// floor(coordinate / resolution); kMaxVoxel where that isn't in the map's coordinates. Without a branch, so
+/// that compilers do several at once.
+inline int toVoxelCoordinate(float coordinate, double inverse_resolution) {
+  const double c = coordinate * inverse_resolution;
+  const bool inside = static_cast<int>(c >= kMinVoxel) & static_cast<int>(c < kMaxVoxel);
+  const double cut = inside ? c : kMaxVoxel;
+  const int truncated = static_cast<int>(cut);
+  return truncated - static_cast<int>(cut < truncated);
+}
+
 /// floor(coordinate / resolution), and whether that lies in the map's coordinates.
 inline bool toVoxel(const Eigen::Vector3f& point, double inverse_resolution, Voxel& voxel) {
+  bool inside = true;
   for (int i = 0; i < 3; ++i) {
-    const double c = point[i] * inverse_resolution;
-    if (!(c >= kMinVoxel && c < kMaxVoxel)) return false;
-    const int truncated = static_cast<int>(c);
-    voxel[i] = truncated - (c < truncated);
+    voxel[i] = toVoxelCoordinate(point[i], inverse_resolution);
+    inside &= voxel[i] != kMaxVoxel;
   }
-  return true;
+  return inside;
 }
 
 }  // namespace rtree_occupancy_map

@@ -2,6 +2,7 @@
 #include "rtree_occupancy_map/occupancy_map.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <sstream>
 #include <stdexcept>
@@ -15,6 +16,20 @@ namespace {
 
 // In voxels: 0.6 m / 0.1 m isn't 6.
 constexpr double kRounding = 1e-6;
+
+using VoxelBatch = std::array<Voxel, 256>;
+
+// toVoxel for many points.
+void toVoxels(const Eigen::Vector3f* points, std::size_t count, double inverse_resolution,
+              VoxelBatch& voxels) {
+  const float* in = points->data();
+  int* out = voxels[0].data();
+  for (std::size_t i = 0; i < 3 * count; ++i) out[i] = toVoxelCoordinate(in[i], inverse_resolution);
+}
+
+bool isInside(const Voxel& v) {
+  return v[0] != kMaxVoxel && v[1] != kMaxVoxel && v[2] != kMaxVoxel;
+}
 
 Options complete(Options options) {
   mapping_common::validate(options);
@@ -97,10 +112,12 @@ void OccupancyMap::rasterize(const Scan& scan, InsertReport& report) {
 
   const bool limited = std::isfinite(options_.max_range);
   Voxel last_voxel{kMaxVoxel, 0, 0};
+  VoxelBatch batch;
   for (std::size_t i = 0; i < scan.hits.size(); ++i) {
     const Eigen::Vector3f& point = scan.hits[i];
-    Voxel voxel;
-    if (!toVoxel(point, inverse, voxel)) {
+    if (i % batch.size() == 0) toVoxels(&point, std::min(batch.size(), scan.hits.size() - i), inverse, batch);
+    const Voxel& voxel = batch[i % batch.size()];
+    if (!isInside(voxel)) {
       if (!point.allFinite()) {
         ++report.non_finite;
       } else if (lengthOf(point - scan.origin) > options_.max_range && clear(point)) {
@@ -125,7 +142,7 @@ void OccupancyMap::rasterize(const Scan& scan, InsertReport& report) {
       continue;
     }
     ++report.hits;
-    if (voxel != last_voxel && in.raster.markHit(voxel)) {
+    if (!isSame(voxel, last_voxel) && in.raster.markHit(voxel)) {
       if (beams) addBeam(voxel, center());
       if (expands) select(voxel);
     }

@@ -28,7 +28,7 @@ std::uint32_t ScanRaster::slotOf(const Block& block) {
 
 bool ScanRaster::markHit(const Voxel& v) {
   const Block block = OccupancyMap::blockOf(v);
-  if (last_hit_rows_ == nullptr || block != last_hit_block_) {
+  if (last_hit_rows_ == nullptr || !isSame(block, last_hit_block_)) {
     Slot& slot = slots_[slotOf(block)];
     if (slot.hit == nullptr) {
       if (used_hit_rows_ == hit_rows_.size()) hit_rows_.emplace_back(new BlockRows);
