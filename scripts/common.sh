@@ -41,6 +41,7 @@ packages_fuzz=(clang libeigen3-dev libtinyxml2-dev make)
 # Clang's sanitizers, which Debian 11 has in clang itself.
 grep -q '^VERSION_ID="11"' /etc/os-release || packages_fuzz+=(libclang-rt-dev)
 packages_format=(clang-format-14)
+packages_tidy=(clang-tidy-14)
 
 say() { printf '\n== %s\n' "$*" >&2; }
 # took START: how long it took since $SECONDS was START
@@ -129,26 +130,112 @@ prepare() {
   install_missing "$@"
 }
 
+space=$workspace  # where build/, devel/ and logs are
+build_options=(-DCMAKE_BUILD_TYPE=Release -DCMAKE_CXX_FLAGS=-Werror)
+all_packages=(-DCATKIN_WHITELIST_PACKAGES= -DCATKIN_ENABLE_TESTING=ON)
+
+# make_in_catkin OPTION...: catkin_make, its progress shown
+make_in_catkin() {
+  local options=(-DPYTHON_EXECUTABLE=/usr/bin/python3 -DCMAKE_EXPORT_COMPILE_COMMANDS=ON)
+  if command -v ccache >/dev/null; then options+=(-DCMAKE_CXX_COMPILER_LAUNCHER=ccache); fi
+  following catkin_make "$@" "${build_options[@]}" "${options[@]}"
+}
+
+# following COMMAND...: a build, its progress shown; the script ends where it fails
+following() {
+  "$@" 2>&1 | follow "$space/build.log" || {
+    grep -E -A5 '(error|Error|undefined reference)' "$space/build.log" | head -40 >&2
+    echo "The build failed: see $space/build.log" >&2
+    exit 1
+  }
+}
+
+# build_in FOLDER FLAGS: lets all below build in another folder of the workspace, with these flags of the compiler alone
+build_in() {
+  space=$workspace/$1
+  build_options=(--build "$space/build" -DCATKIN_DEVEL_PREFIX="$space/devel" -DCMAKE_BUILD_TYPE=None "-DCMAKE_CXX_FLAGS=$2")
+  mkdir -p "$space"
+}
+
 # build [--only PACKAGE] [TARGET...]: --only leaves out what PACKAGE doesn't depend on, and tests
 build() {
-  local start=$SECONDS what="all packages" minutes=20 options=(-DCATKIN_WHITELIST_PACKAGES= -DCATKIN_ENABLE_TESTING=ON)
+  local start=$SECONDS what="all packages" minutes=20 options=("${all_packages[@]}")
   if [ "${1:-}" = --only ]; then
     what=$2 minutes=4 options=(--only-pkg-with-deps "$2" -DCATKIN_ENABLE_TESTING=OFF)
     shift 2
   fi
-  if command -v ccache >/dev/null; then options+=(-DCMAKE_CXX_COMPILER_LAUNCHER=ccache); fi
   [[ " $* " != *' tests '* ]] || { what+=" and their tests" minutes=40; }
   say "Building $what, $jobs files at a time: about $((minutes / jobs + 1)) minutes the first time"
-  catkin_make "$@" -j"$jobs" -DPYTHON_EXECUTABLE=/usr/bin/python3 -DCMAKE_BUILD_TYPE=Release -DCMAKE_CXX_FLAGS=-Werror \
-    "${options[@]}" 2>&1 | follow build.log ||
-    { grep -E -A5 '(error|Error|undefined reference)' build.log | head -40 >&2; echo "The build failed: see build.log" >&2; exit 1; }
+  make_in_catkin "$@" -j"$jobs" "${options[@]}"
   took "$start"
+}
+
+# configure: what tests there are is known then
+configure() {
+  say "Configuring"
+  make_in_catkin cmake_check_build_system "${all_packages[@]}"
+}
+
+# check_tests [PACKAGE | TEST]...: whether there may be such
+check_tests() {
+  local name
+  for name; do
+    grep -qsE 'mapping_(gtest|rostest)\(' "${name%_test_*}/CMakeLists.txt" || wrong_usage "there are no tests $name"
+  done
+}
+
+# tests [PACKAGE | TEST]...: of the tests in C++ of these packages, or of all: the target that builds it, such as
+# rtree_occupancy_map_test_rtree, which TEST is, and the one that runs it, which builds nothing.
+tests() {
+  local package kind name test wanted
+  while read -r package kind name; do
+    test=$name
+    [ "$kind" = gtest ] || { test=${package}_${name#test_}; test=${test%.test}; }
+    for wanted in "${@:-$package}"; do
+      [ "$wanted" != "$package" ] && [ "$wanted" != "$test" ] || echo "$test _run_tests_${package}_${kind}_$name/fast"
+    done
+  done < <(sed -nE 's/^_run_tests_(\w+)_(gtest|rostest)_([^/ :]+):.*/\1 \2 \3/p' "$space/build/Makefile" | sort -u)
+}
+
+run_with=()  # what runs the tests, such as a command that changes their limits
+
+# count COUNT PATTERN: after each line that the pattern matches, COUNT in all, adds one with the percentage and what the
+# pattern's first group matched; leaves out make's own percentages
+count() {
+  local line ended=0
+  while IFS= read -r line; do
+    [[ $line =~ ^\[.*%\] ]] || printf '%s\n' "$line"
+    [[ $line =~ $2 ]] || continue
+    ended=$((ended + 1))
+    printf '[%3d%%] %s\n' $((100 * ended / $1)) "${BASH_REMATCH[1]}"
+  done
+}
+
+# build_tests TEST...: these alone, with what they need, which takes make one pass
+build_tests() {
+  local start=$SECONDS targets=() test
+  for test; do targets+=("${test%_test_*}/CMakeFiles/$test.dir/all"); done
+  say "Building $# tests"
+  following make_counting "${targets[@]}"
+  took "$start"
+}
+make_counting() {
+  make -C "$space/build" -f CMakeFiles/Makefile2 -j"$jobs" "$@" 2>&1 | count $# 'Built target (\w+_test_\w+)'
+}
+
+# run_tests COUNT TARGET...: runs COUNT tests, one after the other
+run_tests() {
+  local total=$1
+  shift
+  rm -rf "$space/build/test_results"
+  { "${run_with[@]}" make -C "$space/build" -k -j1 "$@" 2>&1 || true; } |
+    count "$total" 'run_tests.py: verify result.*/([^/]*)\.xml' | follow "$space/test.log"
 }
 
 # The workspace's environment, which isn't written for "set -u".
 use_workspace() {
   set +u
   # shellcheck disable=SC1091
-  source "$workspace/devel/setup.bash"
+  source "$space/devel/setup.bash"
   set -u
 }

@@ -6,6 +6,7 @@
 
 #include <diagnostic_msgs/DiagnosticArray.h>
 #include <gtest/gtest.h>
+#include <mapping_common/testing/slowness.h>
 #include <nodelet/NodeletLoad.h>
 #include <nodelet/NodeletUnload.h>
 #include <ros/ros.h>
@@ -16,9 +17,10 @@
 
 namespace mapping_common {
 
-/// Lets callbacks run until the condition holds. @return false if it didn't in time
+/// Lets callbacks run until the condition holds. @param seconds, under sanitizers kSlowness times as many
+/// @return false if it didn't in time
 inline bool waitFor(const std::function<bool()>& condition, double seconds = 10.0) {
-  const ros::WallTime end = ros::WallTime::now() + ros::WallDuration(seconds);
+  const ros::WallTime end = ros::WallTime::now() + ros::WallDuration(seconds * kSlowness);
   while (ros::ok()) {
     ros::spinOnce();
     if (condition()) return true;
@@ -29,7 +31,7 @@ inline bool waitFor(const std::function<bool()>& condition, double seconds = 10.
 }
 
 inline void spinFor(double seconds) {
-  waitFor([] { return false; }, seconds);
+  waitFor([] { return false; }, seconds / kSlowness);
 }
 
 /// All messages of a topic.
