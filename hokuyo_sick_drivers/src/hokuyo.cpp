@@ -321,7 +321,7 @@ bool Hokuyo::stopReplied(std::string_view status, Nanoseconds now) {
 void Hokuyo::takeInformation(const scip::Message& message) {
   const scip::KeyValues reply = scip::parseKeyValues(message.lines, 2);
   if (step_ != Step::kParameters) {
-    count(HokuyoFault::kSum, static_cast<std::uint64_t>(reply.bad_sums + reply.bad_lines));
+    count(HokuyoFault::kSum, static_cast<std::uint64_t>(reply.bad_sums) + reply.bad_lines);
   }
   for (const auto& [key, value] : reply.values) info_[key] = value;
   if (message.echo() == "II") ++informed_;

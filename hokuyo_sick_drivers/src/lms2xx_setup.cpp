@@ -132,7 +132,7 @@ void Lms2xx::readConfiguration(Nanoseconds now) {
 }
 
 void Lms2xx::checkConfiguration(Nanoseconds now) {
-  report_.measuring_mode = configuration_[lms::kMeasuringMode];
+  report_.measuring_mode = static_cast<std::uint8_t>(configuration_[lms::kMeasuringMode]);
   report_.unit = static_cast<lms::Unit>(configuration_[lms::kUnit]);
   if (configuration_ == wantedConfiguration()) {
     writes_ = 0;
@@ -207,7 +207,7 @@ lms::ScanFormat Lms2xx::format() const {
   format.last = options_.last_index == 0 ? format.variant.values() : options_.last_index;
   format.baud_rate = line_rate_;
   if (options_.intensity == LmsOptions::Intensity::kNone || isFast()) {
-    const int mode = configuration_[lms::kMeasuringMode];
+    const int mode = static_cast<std::uint8_t>(configuration_[lms::kMeasuringMode]);
     format.range_word = lms::RangeWord::ofMode(mode).value_or(lms::RangeWord());
     if (options_.intensity != LmsOptions::Intensity::kNone) format.code = lms::kReflectivities;
   } else {

@@ -189,7 +189,7 @@ Values ScanDecoder::decodeValues(const Telegram& telegram) const {
       return groups[0];
     }
     case kReflectivities: {
-      const Values values = decodeReflectivities(telegram);
+      Values values = decodeReflectivities(telegram);
       const bool complete = values.total == expected || values.total == format_.variant.values();
       if (!complete || values.start != format_.first || values.stop != format_.last) {
         rejectVariant("a scan has other indices than asked for");
@@ -197,7 +197,7 @@ Values ScanDecoder::decodeValues(const Telegram& telegram) const {
       return values;
     }
     default: {
-      const Values values = decodeRanges(telegram);
+      Values values = decodeRanges(telegram);
       if (values.partial_scan.has_value() != format_.interlaced) rejectVariant("a scan is partial or not");
       if (format_.interlaced) {
         checkPartialScan(values);

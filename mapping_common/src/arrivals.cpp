@@ -10,7 +10,7 @@ namespace {
 
 Drops::Options withReasons(Drops::Options options, bool in_order) {
   std::vector<std::string> reasons = {Arrivals::kNoTransform, Arrivals::kMalformed, Arrivals::kTimeJump};
-  if (in_order) reasons.push_back(Arrivals::kLate);
+  if (in_order) reasons.emplace_back(Arrivals::kLate);
   options.reasons.insert(options.reasons.begin(), reasons.begin(), reasons.end());
   return options;
 }

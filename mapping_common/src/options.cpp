@@ -109,7 +109,7 @@ std::string Option::word() const {
 }
 
 OptionValue Option::scaled() const {
-  const OptionValue value = get_();
+  OptionValue value = get_();
   if (scale_ == 1.0) return value;
   return std::round(1e9 * scale_ * std::get<double>(value)) / 1e9;  // 85, not 85.00000000000001
 }

@@ -107,7 +107,7 @@ bool PtsReader::readCountAndSkipPoints(std::string_view& line, LineReader& lines
     }
     ++scan.points;
   }
-  if (!announced) warnings_.push_back("the number of points isn't told; all lines are taken");
+  if (!announced) warnings_.emplace_back("the number of points isn't told; all lines are taken");
   if (surplus > 0) {
     warnings_.push_back(plural(surplus, "line") + " after the " + plural(*announced, "point") + " that " +
                         info.name + " announces " + (surplus == 1 ? "is" : "are") + " left out");

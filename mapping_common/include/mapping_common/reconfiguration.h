@@ -28,6 +28,7 @@ struct Reconfiguration {
   Options options;
   std::string error;  ///< why what was asked for is no value of an option; "" if all are
 
+  // NOLINTBEGIN(bugprone-reserved-identifier): as dynamic_reconfigure::Server calls them
   void __toMessage__(dynamic_reconfigure::Config& message) const {
     Options copy = options;
     toMessage(optionsOf(copy), message);
@@ -54,6 +55,7 @@ struct Reconfiguration {
   static Reconfiguration __getDefault__() { return {}; }
   static Reconfiguration __getMin__() { return {}; }
   static Reconfiguration __getMax__() { return {}; }
+  // NOLINTEND(bugprone-reserved-identifier)
 };
 
 }  // namespace mapping_common
