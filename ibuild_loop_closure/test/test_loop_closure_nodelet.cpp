@@ -241,13 +241,25 @@ class LoopClosureFuzz : public LoopClosure {
   void fuzz() {
     ASSERT_TRUE(load());
     auto rights = node_.advertise<sensor_msgs::Image>("right/image", 100);
+    auto compressed_rights = node_.advertise<sensor_msgs::CompressedImage>("right/image/compressed", 100);
     auto right_infos = node_.advertise<sensor_msgs::CameraInfo>("right/camera_info", 1);
+    auto tf = node_.advertise<tf2_msgs::TFMessage>("/tf", 100);
+    const auto moved = [](double stamp) {
+      tf2_msgs::TFMessage message;
+      message.transforms.resize(1);
+      message.transforms[0].header.stamp = ros::Time(stamp);
+      message.transforms[0].header.frame_id = "odom";
+      message.transforms[0].child_frame_id = "camera";
+      message.transforms[0].transform.translation.x = 10.0 * stamp;
+      message.transforms[0].transform.rotation.w = 1.0;
+      return message;
+    };
     Recorder<sensor_msgs::Image> debug(node_, name_ + "/debug_image");
     double time = 100.0;
     mapping_common::fuzz({"camera", "other"}, [&](mapping_common::MessageFuzz& fuzz) {
       time += 0.02;
       const cv::Mat place = renderPlace(static_cast<int>(time) % 10, 0, {64, 48});
-      switch (fuzz.pick<int>({0, 0, 0, 1})) {
+      switch (fuzz.pick<int>({0, 0, 0, 1, 2})) {
         case 0: {
           sensor_msgs::Image image = *message(place, time).toImageMsg();
           sensor_msgs::Image depth =
@@ -262,8 +274,14 @@ class LoopClosureFuzz : public LoopClosure {
           }
           depths_.publish(depth);
           rights.publish(image);
+          compressed_rights.publish(compressed);
           compressed_.publish(compressed);
           return images_.publish(image);
+        }
+        case 1: {
+          tf2_msgs::TFMessage transforms = moved(time);
+          fuzz.spoil(transforms);
+          return tf.publish(transforms);
         }
         default: {
           sensor_msgs::CameraInfo info;
@@ -288,9 +306,11 @@ class LoopClosureFuzz : public LoopClosure {
     right_infos.publish(info);
     spinFor(0.2);
     for (int i = 0; i < 10; ++i) {  // the first after time that jumped back may be taken for late ones
+      tf.publish(moved(2000.0 + i));
       depths_.publish(message(depth, 2000.0 + i, "16UC1").toImageMsg());
       rights.publish(message(renderWalk(i), 2000.0 + i).toImageMsg());
       compressed_.publish(message(renderWalk(i), 2000.0 + i).toCompressedImageMsg());
+      compressed_rights.publish(message(renderWalk(i), 2000.0 + i).toCompressedImageMsg());
       send(renderWalk(i), 2000.0 + i);
     }
     EXPECT_TRUE(waitFor([&] { return std::stoi("0" + diagnostic("Loop closure", "Key frames")) >= 5; }));
@@ -313,6 +333,24 @@ TEST_F(LoopClosureFuzz, DepthSurvives) {
 
 TEST_F(LoopClosureFuzz, StereoSurvives) {
   setParam("use_stereo", true);
+  fuzz();
+}
+
+TEST_F(LoopClosureFuzz, CompressedDepthSurvives) {
+  setParam("image_transport", "compressed");
+  setParam("use_depth", true);
+  fuzz();
+}
+
+TEST_F(LoopClosureFuzz, CompressedStereoSurvives) {
+  setParam("image_transport", "compressed");
+  setParam("use_stereo", true);
+  fuzz();
+}
+
+TEST_F(LoopClosureFuzz, MotionSurvives) {
+  setParam("key_frames/min_distance", 1.0);
+  setParam("key_frames/min_angle", 0.1);
   fuzz();
 }
 

@@ -161,6 +161,12 @@ class MessageFuzz {
     for (double& value : info.K) spoilNumber(value);
     for (double& value : info.R) spoilNumber(value);
     for (double& value : info.P) spoilNumber(value);
+    if (hit())
+      info.distortion_model = pick<std::string>({"", "plumb_bob", "equidistant", std::string(10000, 'd')});
+    for (std::uint32_t* value : {&info.binning_x, &info.binning_y, &info.roi.x_offset, &info.roi.y_offset,
+                                 &info.roi.height, &info.roi.width})
+      spoilSize(*value);
+    if (hit()) info.roi.do_rectify = 1;
   }
   void spoil(tf2_msgs::TFMessage& message) {
     for (geometry_msgs::TransformStamped& transform : message.transforms) {
