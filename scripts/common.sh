@@ -180,7 +180,7 @@ configure() {
 check_tests() {
   local name
   for name; do
-    grep -qsE 'mapping_(gtest|rostest)\(' "${name%_test_*}/CMakeLists.txt" || wrong_usage "there are no tests $name"
+    grep -qsE 'mapping_(gtest|rostest)\(' "./${name%_test_*}/CMakeLists.txt" || wrong_usage "there are no tests $name"
   done
 }
 
