@@ -74,8 +74,8 @@ TEST_F(Calibrate, TheTableGivesTheReflectivityOfAnotherSurface) {
           c, ModelType::kLut, OutsidePolicy::kDrop, arrays.ranges,
           incidence.estimate(arrays.ranges, scan.angle_min, scan.angle_increment), arrays.intensities);
       beams += (!arrays.ranges.isNaN()).count();
-      for (const float value : result) {
-        if (!std::isnan(value)) errors.push_back(std::abs(value / 0.5F - 1.0F));
+      for (Eigen::Index i = 0; i < result.size(); ++i) {
+        if (!std::isnan(result[i])) errors.push_back(std::abs(result[i] / 0.5F - 1.0F));
       }
     }
   }
