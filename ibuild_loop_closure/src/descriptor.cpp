@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "ibuild_loop_closure/descriptor.h"
 
+#include <algorithm>
 #include <stdexcept>
 #include <string>
 
@@ -128,7 +129,7 @@ void checked(const Descriptor& query, Words words, std::size_t count, std::uint1
 Descriptor centroid(const std::vector<Descriptor>& descriptors) {
   if (descriptors.empty()) throw std::invalid_argument("there is no centroid of no descriptors");
   Descriptor result;
-  for (int i = 0; i < Descriptor::kBits; ++i) {
+  for (int i = 0; i < Descriptor::kMaxBits; ++i) {
     const std::uint64_t bit = std::uint64_t{1} << (i % 64);
     std::size_t set = 0;
     for (const Descriptor& d : descriptors) set += (d.bits[i / 64] & bit) != 0;
@@ -193,6 +194,60 @@ void hammingDistances(const Descriptor& query, const Descriptor* words, std::siz
 void hammingDistances(const Descriptor& query, const Descriptor* const* words, std::size_t count,
                       std::uint16_t* distances, HammingKernel kernel) {
   checked(query, words, count, distances, kernel);
+}
+
+Nearest nearestOf(const Descriptor& query, const Descriptor* words, std::size_t count) {
+  Nearest nearest;
+  constexpr std::size_t kBlock = 256;
+  std::array<std::uint16_t, kBlock> distances;
+  for (std::size_t first = 0; first < count; first += kBlock) {
+    const std::size_t n = std::min(kBlock, count - first);
+    hammingDistances(query, words + first, n, distances.data());
+    for (std::size_t i = 0; i < n; ++i) {
+      if (distances[i] >= nearest.second) continue;
+      if (distances[i] < nearest.distance) {
+        nearest.second = nearest.distance;
+        nearest.distance = distances[i];
+        nearest.index = first + i;
+      } else {
+        nearest.second = distances[i];
+      }
+    }
+  }
+  return nearest;
+}
+
+std::vector<Match> matchDescriptors(const std::vector<Descriptor>& a, const std::vector<Descriptor>& b,
+                                    int delta, double ratio) {
+  std::vector<Match> matches;
+  if (b.empty()) return matches;
+  // Signed 16 bits: their minima take one instruction for eight on any x86-64.
+  std::vector<std::int16_t> distances(b.size()), nearest_to_b(b.size(), Descriptor::kMaxBits + 1);
+  const auto minimum = [&distances] {
+    std::int16_t least = Descriptor::kMaxBits + 1;
+    for (std::int16_t d : distances) least = std::min(least, d);
+    return least;
+  };
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    hammingDistances(a[i], b.data(), b.size(), reinterpret_cast<std::uint16_t*>(distances.data()));
+    for (std::size_t j = 0; j < b.size(); ++j) nearest_to_b[j] = std::min(nearest_to_b[j], distances[j]);
+    const std::int16_t least = minimum();
+    if (least >= delta) continue;
+    const auto at = std::find(distances.begin(), distances.end(), least);
+    if (ratio < 1.0) {
+      *at = Descriptor::kMaxBits + 1;
+      if (least >= ratio * minimum()) continue;
+    }
+    matches.push_back({static_cast<int>(i), static_cast<int>(at - distances.begin()), least});
+  }
+  std::vector<char> taken(b.size(), 0);
+  const auto not_mutual = [&](const Match& m) {
+    if (m.distance > nearest_to_b[m.b] || taken[m.b]) return true;
+    taken[m.b] = 1;
+    return false;
+  };
+  matches.erase(std::remove_if(matches.begin(), matches.end(), not_mutual), matches.end());
+  return matches;
 }
 
 }  // namespace ibuild_loop_closure

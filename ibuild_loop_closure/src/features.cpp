@@ -2,7 +2,6 @@
 #include "ibuild_loop_closure/features.h"
 
 #include <algorithm>
-#include <array>
 #include <cstring>
 #include <opencv2/features2d.hpp>
 #include <opencv2/imgproc.hpp>
@@ -32,12 +31,34 @@ std::vector<cv::KeyPoint> spread(const std::vector<cv::KeyPoint>& sorted, std::s
   return chosen;
 }
 
+cv::Ptr<cv::Feature2D> makeBrisk(const FeatureOptions& options) {
+  return cv::BRISK::create(options.threshold, options.octaves, static_cast<float>(options.pattern_scale));
+}
+
+cv::Ptr<cv::Feature2D> makeOrb(const FeatureOptions&) {
+  return cv::ORB::create();
+}
+
 }  // namespace
+
+const mapping_common::Table<MakeDescriptors>& descriptors() {
+  static const mapping_common::Table<MakeDescriptors> table{
+      {"brisk", makeBrisk, "512 bits, the thesis's"},
+      {"orb", makeOrb, "256 bits of ORB (Rublee et al. 2011)"}};
+  return table;
+}
 
 FeatureExtractor::FeatureExtractor(const FeatureOptions& options)
     : options_(mapping_common::validate(options)) {
-  brisk_ = cv::BRISK::create(options.threshold, options.octaves, static_cast<float>(options.pattern_scale));
-  fast_ = cv::FastFeatureDetector::create(options.threshold);
+  if (options.detector == Detector::kBrisk) {
+    detector_ = makeBrisk(options);
+  } else {
+    detector_ = cv::FastFeatureDetector::create(options.threshold);
+  }
+  descriptor_ = mapping_common::valueOf(descriptors(), options.descriptor)(options);
+  if (descriptor_->descriptorType() != CV_8U || bits() > Descriptor::kMaxBits)
+    throw std::invalid_argument("descriptors '" + options.descriptor +
+                                "' aren't binary, of 512 bits at most");
   clahe_ = cv::createCLAHE(3.0);
 }
 
@@ -89,10 +110,8 @@ cv::Mat FeatureExtractor::prepare(const cv::Mat& image) const {
 
 std::vector<cv::KeyPoint> FeatureExtractor::detect(const cv::Mat& prepared) const {
   std::vector<cv::KeyPoint> found;
-  if (options_.detector == Detector::kBrisk) {
-    brisk_->detect(prepared, found);
-  } else {
-    fast_->detect(prepared, found);
+  detector_->detect(prepared, found);
+  if (options_.detector == Detector::kFast) {
     for (cv::KeyPoint& k : found) k.size = static_cast<float>(options_.size);
   }
   const std::size_t count = static_cast<std::size_t>(options_.max_features);
@@ -110,76 +129,26 @@ std::vector<cv::KeyPoint> FeatureExtractor::detect(const cv::Mat& prepared) cons
 Features FeatureExtractor::describe(const cv::Mat& prepared, std::vector<cv::KeyPoint> key_points,
                                     float scale) const {
   cv::Mat rows;
-  brisk_->compute(prepared, key_points, rows);
+  descriptor_->compute(prepared, key_points, rows);
   const cv::Point2f middle(0.5f, 0.5f);
   Features features;
   features.descriptors.resize(key_points.size());
   features.points.reserve(key_points.size());
   for (std::size_t i = 0; i < key_points.size(); ++i) {
-    std::memcpy(features.descriptors[i].bits.data(), rows.ptr(static_cast<int>(i)), sizeof(Descriptor));
+    std::memcpy(features.descriptors[i].bits.data(), rows.ptr(static_cast<int>(i)), rows.cols);
     // Pixels have their coordinates at their middle.
     features.points.push_back((key_points[i].pt + middle) * scale - middle);
   }
   return features;
 }
 
+int FeatureExtractor::bits() const {
+  return 8 * descriptor_->descriptorSize();
+}
+
 Features FeatureExtractor::extract(const cv::Mat& image) const {
   const cv::Mat prepared = prepare(image);
   return describe(prepared, detect(prepared), static_cast<float>(image.cols) / prepared.cols);
-}
-
-Nearest nearestOf(const Descriptor& query, const Descriptor* words, std::size_t count) {
-  Nearest nearest;
-  constexpr std::size_t kBlock = 256;
-  std::array<std::uint16_t, kBlock> distances;
-  for (std::size_t first = 0; first < count; first += kBlock) {
-    const std::size_t n = std::min(kBlock, count - first);
-    hammingDistances(query, words + first, n, distances.data());
-    for (std::size_t i = 0; i < n; ++i) {
-      if (distances[i] >= nearest.second) continue;
-      if (distances[i] < nearest.distance) {
-        nearest.second = nearest.distance;
-        nearest.distance = distances[i];
-        nearest.index = first + i;
-      } else {
-        nearest.second = distances[i];
-      }
-    }
-  }
-  return nearest;
-}
-
-std::vector<Match> matchDescriptors(const std::vector<Descriptor>& a, const std::vector<Descriptor>& b,
-                                    int delta, double ratio) {
-  std::vector<Match> matches;
-  if (b.empty()) return matches;
-  // Signed 16 bits: their minima take one instruction for eight on any x86-64.
-  std::vector<std::int16_t> distances(b.size()), nearest_to_b(b.size(), Descriptor::kBits + 1);
-  const auto minimum = [&distances] {
-    std::int16_t least = Descriptor::kBits + 1;
-    for (std::int16_t d : distances) least = std::min(least, d);
-    return least;
-  };
-  for (std::size_t i = 0; i < a.size(); ++i) {
-    hammingDistances(a[i], b.data(), b.size(), reinterpret_cast<std::uint16_t*>(distances.data()));
-    for (std::size_t j = 0; j < b.size(); ++j) nearest_to_b[j] = std::min(nearest_to_b[j], distances[j]);
-    const std::int16_t least = minimum();
-    if (least >= delta) continue;
-    const auto at = std::find(distances.begin(), distances.end(), least);
-    if (ratio < 1.0) {
-      *at = Descriptor::kBits + 1;
-      if (least >= ratio * minimum()) continue;
-    }
-    matches.push_back({static_cast<int>(i), static_cast<int>(at - distances.begin()), least});
-  }
-  std::vector<char> taken(b.size(), 0);
-  const auto not_mutual = [&](const Match& m) {
-    if (m.distance > nearest_to_b[m.b] || taken[m.b]) return true;
-    taken[m.b] = 1;
-    return false;
-  };
-  matches.erase(std::remove_if(matches.begin(), matches.end(), not_mutual), matches.end());
-  return matches;
 }
 
 }  // namespace ibuild_loop_closure

@@ -114,7 +114,14 @@ LoopDetector::LoopDetector(const LoopDetectorOptions& options)
       extractor_(options.features),
       vocabulary_(options.delta, options.index),
       consistency_(options.beta),
-      tracks_(options.tracks, options.beta) {}
+      tracks_(options.tracks, options.beta) {
+  const auto check = [this](const char* name, int& delta) {
+    mapping_common::Option(name, delta, "bits", "").within(1, extractor_.bits()).check();
+  };
+  check("delta", options_.delta);
+  check("tracking_delta", options_.tracking_delta);
+  check("geometry/delta", options_.geometry.delta);
+}
 
 Detection LoopDetector::process(const Frame& frame, const StageDone& done) {
   const auto finish = [&done](Stage stage) {
@@ -303,7 +310,7 @@ void LoopDetector::decideByGeometry(const View& view, const std::optional<Camera
   std::vector<LoopTracks::Hypothesis> hypotheses;
   for (std::size_t i = 0; i < checked.size(); ++i) {
     GeometryResult& result = checked[i].result;
-    if (i < static_cast<std::size_t>(options_.verified))
+    if (i < static_cast<std::size_t>(options_.verified_candidates))
       verify(view, views_[checked[i].image], camera, options_.geometry, result);
     hypotheses.push_back(
         {checked[i].image, result.significance, result.verified, std::min(result.scale, 1.0 / result.scale)});
@@ -320,12 +327,15 @@ void LoopDetector::decideByGeometry(const View& view, const std::optional<Camera
 }
 
 void LoopDetector::save(const std::string& path) const {
-  saveVocabulary(path, {vocabulary_.content(), views_});
+  saveVocabulary(path, {options_.features.descriptor, vocabulary_.content(), views_});
 }
 
 void LoopDetector::load(const std::string& path) {
   VocabularyFile file = loadVocabulary(path);
   try {
+    if (file.descriptor != options_.features.descriptor)
+      throw std::runtime_error("its descriptors are '" + file.descriptor + "', those of images '" +
+                               options_.features.descriptor + "'");
     if (options_.geometric_check && file.views.size() != file.content.image_words.size())
       throw std::runtime_error("it was made without the geometric check, whose features it lacks");
     LoopDetectorOptions options = options_;

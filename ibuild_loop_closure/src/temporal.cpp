@@ -49,12 +49,12 @@ LoopTracks::Decision LoopTracks::decide(int query, const std::vector<Hypothesis>
       // Both walks are most likely as fast.
       const int deviation = std::abs((h.match - before->match) - (query - before->query));
       weight *= static_cast<double>(beta_) / (beta_ + deviation);
-      track.verified += before->verified;
+      track.verified_count += before->verified_count;
       track.evidence += left(*before, query);
       track.open = before->open;
       weight += left(*before, query);
     }
-    track.open = track.verified >= options_.min_verified &&
+    track.open = track.verified_count >= options_.min_verified &&
                  track.evidence >= (track.open ? options_.min_significance : options_.open_significance);
     extended.push_back(track);
     if (weight > most) {

@@ -38,7 +38,7 @@ Vocabulary::Vocabulary(int delta, const IndexOptions& index)
 }
 
 void Vocabulary::setDelta(int delta) {
-  mapping_common::Option("delta", delta, "bits", "").within(1, Descriptor::kBits).check();
+  mapping_common::Option("delta", delta, "bits", "").within(1, Descriptor::kMaxBits).check();
   delta_ = delta;
 }
 

@@ -43,9 +43,10 @@ View readView(ArchiveReader& read) {
 
 void saveVocabulary(const std::string& path, const VocabularyFile& file) {
   mapping_common::writeArchive(path, kFormat, [&file](ArchiveWriter& write) {
-    Vocabulary::Content options;
-    options.delta = file.content.delta;
-    options.index = file.content.index;
+    VocabularyFile options;
+    options.descriptor = file.descriptor;
+    options.content.delta = file.content.delta;
+    options.content.index = file.content.index;
     write(mapping_common::optionsOf(options));
     write(file.content.words);
     write(static_cast<std::uint64_t>(file.content.image_words.size()));
@@ -69,9 +70,9 @@ VocabularyFile loadVocabulary(const std::string& path) {
     if (read.version() == 2) {
       readOptions2(read, content);
     } else {
-      read(mapping_common::optionsOf(content));
+      read(mapping_common::optionsOf(file));
     }
-    mapping_common::optionsOf(content).check();
+    mapping_common::optionsOf(file).check();
     read(content.words);
     content.image_words.resize(read.count(sizeof(std::uint64_t)));
     for (std::vector<int>& words : content.image_words) read(words);

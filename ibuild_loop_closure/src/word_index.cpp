@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <array>
 
-#include "ibuild_loop_closure/features.h"
 #include "ibuild_loop_closure/graph_index.h"
 
 namespace ibuild_loop_closure {

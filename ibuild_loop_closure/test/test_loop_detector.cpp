@@ -49,6 +49,45 @@ TEST(LoopDetector, FindsTheSecondWalk) {
   EXPECT_GE(count.correct, kWalk - 6);
 }
 
+// Thresholds are the same share of the bits for each.
+LoopDetectorOptions optionsWith(const char* descriptor) {
+  LoopDetectorOptions options;
+  options.features.descriptor = descriptor;
+  const int bits = FeatureExtractor(options.features).bits();
+  for (int* delta : {&options.delta, &options.tracking_delta, &options.geometry.delta})
+    *delta = *delta * bits / 512;
+  return options;
+}
+
+TEST(LoopDetector, FindsItWithEachDescriptor) {
+  for (const auto& descriptor : descriptors()) {
+    const LoopDetectorOptions options = optionsWith(descriptor.name);
+    LoopDetector detector(options);
+    const Count count = walkTwice(detector);
+    EXPECT_EQ(count.accepted, count.correct) << descriptor.name;
+    EXPECT_GE(count.correct, kWalk - 6) << descriptor.name;
+    // All bits are used, none beyond.
+    const int bits = FeatureExtractor(options.features).bits();
+    Descriptor seen;
+    for (std::size_t w = 0; w < detector.vocabulary().size(); ++w)
+      for (std::size_t i = 0; i < seen.bits.size(); ++i)
+        seen.bits[i] |= detector.vocabulary().word(w).bits[i];
+    EXPECT_EQ(bits, hamming(seen, Descriptor())) << descriptor.name;
+    for (std::size_t i = bits / 64; i < seen.bits.size(); ++i) EXPECT_EQ(0u, seen.bits[i]) << descriptor.name;
+  }
+}
+
+TEST(LoopDetector, RefusesThresholdsBeyondTheDescriptorsLength) {
+  LoopDetectorOptions options = optionsWith("orb");
+  options.tracking_delta = 257;
+  try {
+    LoopDetector detector(options);
+    FAIL();
+  } catch (const std::invalid_argument& e) {
+    EXPECT_STREQ("tracking_delta is 257, allowed is 1 to 256 bits", e.what());
+  }
+}
+
 TEST(LoopDetector, FindsItAsTheThesisDoes) {
   LoopDetector detector(thesisOptions());
   const Count count = walkTwice(detector);

@@ -78,6 +78,7 @@ INSTANTIATE_TEST_SUITE_P(Indices, VocabularyFiles, ::testing::Values(IndexType::
 // The bytes of version 2 were written by the program that wrote that version.
 TEST(VocabularyFile, OfAnOlderVersionIsRead) {
   VocabularyFile file = loadVocabulary(PACKAGE_DIR "/test/files/version2.vocabulary");
+  EXPECT_EQ("brisk", file.descriptor);
   EXPECT_EQ(70, file.content.delta);
   EXPECT_EQ(IndexType::kGraph, file.content.index.type);
   EXPECT_TRUE(file.content.index.nearest);
@@ -105,6 +106,26 @@ TEST(VocabularyFile, WithoutFeaturesIsRefusedByTheGeometricCheck) {
   detector.process({renderWalk(0), {}, {}});
   detector.save(dir.path("v"));
   EXPECT_TRUE(mentions(errorOf([&] { with.load(dir.path("v")); }), {"geometric check"}));
+}
+
+TEST(VocabularyFile, OfOtherDescriptorsIsRefused) {
+  const mapping_common::TempDir dir;
+  for (const auto& written : descriptors()) {
+    for (const auto& read : descriptors()) {
+      LoopDetectorOptions options;
+      options.features.descriptor = written.name;
+      LoopDetector writer(options);
+      writer.process({renderWalk(0), {}, {}});
+      writer.process({renderWalk(1), {}, {}});
+      writer.save(dir.path("v"));
+      EXPECT_EQ(written.name, loadVocabulary(dir.path("v")).descriptor);
+      options.features.descriptor = read.name;
+      LoopDetector reader(options);
+      const std::string error = errorOf([&] { reader.load(dir.path("v")); });
+      EXPECT_EQ(&written != &read, mentions(error, {written.name, read.name})) << error;
+      EXPECT_EQ(&written == &read ? 2 : 0, reader.images()) << error;
+    }
+  }
 }
 
 TEST(VocabularyFile, ThatIsInconsistentIsRefused) {

@@ -47,7 +47,7 @@ class SyntheticWords {
  private:
   std::mt19937_64 random_;
   std::normal_distribution<float> normal_;
-  std::array<Patch, Descriptor::kBits> functions_;
+  std::array<Patch, Descriptor::kMaxBits> functions_;
 };
 
 }  // namespace ibuild_loop_closure

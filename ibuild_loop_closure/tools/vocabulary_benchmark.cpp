@@ -149,7 +149,7 @@ void run(const Arguments& a) {
     milestone *= 10;
   }
   auto from = std::clock();
-  saveVocabulary(a.file, {vocabulary.content(), {}});
+  saveVocabulary(a.file, {VocabularyFile().descriptor, vocabulary.content(), {}});
   const double save = 1e-3 * microseconds(from);
   from = std::clock();
   const Vocabulary loaded = Vocabulary::restore(loadVocabulary(a.file).content);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
-// Key points and their BRISK descriptors (4.4.2), and what is matched between two images.
+// Key points of an image and their descriptors (4.4.2).
 #pragma once
 
 #include <mapping_common/options.h>
@@ -13,9 +13,8 @@
 #include "ibuild_loop_closure/descriptor.h"
 
 namespace cv {
-class BRISK;
 class CLAHE;
-class FastFeatureDetector;
+class Feature2D;
 }  // namespace cv
 
 namespace ibuild_loop_closure {
@@ -34,8 +33,16 @@ constexpr auto choicesOf(Detector) {
        {"fast", Detector::kFast, "FAST corners of one scale, about ten times as fast"}});
 }
 
+struct FeatureOptions;
+/// Makes what computes binary descriptors of key points (cv::Feature2D::compute), of
+/// Descriptor::kMaxBits at most.
+using MakeDescriptors = cv::Ptr<cv::Feature2D> (*)(const FeatureOptions& options);
+/// All there are, by the names that FeatureOptions::descriptor and vocabulary files have for them.
+const mapping_common::Table<MakeDescriptors>& descriptors();
+
 struct FeatureOptions {
   Detector detector = Detector::kFast;
+  std::string descriptor = "brisk";  ///< a name of descriptors()
   int threshold = 10;
   int octaves = 0;
   double size = 12.0;
@@ -49,6 +56,9 @@ struct FeatureOptions {
 
   void describe(mapping_common::OptionList& o) {
     o("detector", detector, "", "of key points");
+    o("descriptor", descriptor, "",
+      "of key points; delta, tracking_delta and geometry/delta go by its length")
+        .oneOf(descriptors());
     o("threshold", threshold, "grey values", "of the detector: lower for dark or hazy scenes").within(1, 255);
     o("octaves", octaves, "", "of brisk").within(0, 8);
     o("size", size, "pixels", "fast: diameter of the key points; sets the scale of descriptors")
@@ -90,32 +100,15 @@ class FeatureExtractor {
   /// Key points too near to the border have no descriptor and are left out.
   /// @param scale pixels of the image per pixel of the prepared one
   Features describe(const cv::Mat& prepared, std::vector<cv::KeyPoint> key_points, float scale = 1.0f) const;
+  /// p, the length of descriptors.
+  int bits() const;
   /// All three.
   Features extract(const cv::Mat& image) const;
 
  private:
   FeatureOptions options_;
-  cv::Ptr<cv::BRISK> brisk_;
-  cv::Ptr<cv::FastFeatureDetector> fast_;
+  cv::Ptr<cv::Feature2D> detector_, descriptor_;
   cv::Ptr<cv::CLAHE> clahe_;
 };
-
-struct Match {
-  int a = 0, b = 0;  ///< indices into the two sets
-  int distance = 0;  ///< bits
-  bool operator==(const Match& o) const { return a == o.a && b == o.b && distance == o.distance; }
-};
-
-/// Pairs that are each other's nearest, nearer than `delta`. By index of a.
-/// @param ratio a's nearest must also be nearer than this times its second nearest; 1: no such test
-std::vector<Match> matchDescriptors(const std::vector<Descriptor>& a, const std::vector<Descriptor>& b,
-                                    int delta, double ratio = 1.0);
-
-/// Smallest and second smallest distance.
-struct Nearest {
-  std::size_t index = 0;
-  int distance = Descriptor::kBits + 1, second = Descriptor::kBits + 1;
-};
-Nearest nearestOf(const Descriptor& query, const Descriptor* words, std::size_t count);
 
 }  // namespace ibuild_loop_closure

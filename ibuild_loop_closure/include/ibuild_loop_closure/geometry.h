@@ -28,7 +28,7 @@ struct GeometryOptions {
     o("max_features", max_features, "",
       "of an image that are kept, the first that were detected: 72 bytes each")
         .within(8, 100000);
-    o("delta", delta, "bits", "features nearer than that may match").within(1, Descriptor::kBits);
+    o("delta", delta, "bits", "features nearer than that may match").within(1, Descriptor::kMaxBits);
     o("ratio", ratio, "", "of the nearest to the second nearest feature, at most").within(0.1, 1.0);
     o("layout_tolerance", layout_tolerance, "",
       "of the image's width: how far features may be from where the layout has them; parallax")

@@ -29,7 +29,7 @@ struct LoopDetectorOptions {
   double step = 0.005;
   bool leave_first = true;
   double max_remaining = 0.5;
-  int candidates = 5, verified = 4;
+  int candidates = 5, verified_candidates = 4;
 
   FeatureOptions features;
   IndexOptions index;
@@ -42,12 +42,12 @@ struct LoopDetectorOptions {
 
   void describe(mapping_common::OptionList& o) {
     o("delta", delta, "bits",
-      "of 512, visual words nearer than that are the same: lower for images that hardly change, higher for "
+      "visual words nearer than that are the same: lower for images that hardly change, higher for "
       "those that "
       "change a lot. loop_closure_images --delta auto estimates it")
-        .within(1, Descriptor::kBits);
+        .within(1, Descriptor::kMaxBits);
     o("tracking_delta", tracking_delta, "bits", "features of consecutive images nearer than that are matched")
-        .within(1, Descriptor::kBits);
+        .within(1, Descriptor::kMaxBits);
     o("beta", beta, "",
       "key frames: the last so many are no loops, and loops go on within so many of the last one")
         .within(1, 1000000);
@@ -70,7 +70,7 @@ struct LoopDetectorOptions {
     o("candidates", candidates, "",
       "key frames that are checked, and as many again where loops go on: more find more")
         .within(1, 10000);
-    o("verified", verified, "",
+    o("verified_candidates", verified_candidates, "",
       "of these, the most significant, whose epipolar geometry or pose is sought: takes time")
         .within(1, 10000);
     o.group("features", "", features);
@@ -147,7 +147,8 @@ class LoopDetector {
 
   /// See vocabulary_file.h: all but what follows from the last few images.
   void save(const std::string& path) const;
-  /// Replaces the vocabulary and all images. delta and the index are the file's from then on.
+  /// Replaces the vocabulary and all images. delta and the index are the file's from then on; the descriptors
+  /// have to be of the same kind.
   /// @throws std::runtime_error with the reason; the detector is then as it was
   void load(const std::string& path);
 

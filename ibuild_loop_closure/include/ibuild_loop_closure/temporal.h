@@ -71,7 +71,7 @@ class LoopTracks {
 
  private:
   struct Track {
-    int query, match, verified;
+    int query, match, verified_count;
     double evidence;
     bool open;
   };

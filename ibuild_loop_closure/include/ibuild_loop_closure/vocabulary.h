@@ -63,7 +63,7 @@ class Vocabulary {
     std::vector<std::int32_t> links;            ///< GraphIndex::links, empty with another index
 
     void describe(mapping_common::OptionList& o) {
-      o("delta", delta, "bits", "words nearer than that are the same").within(1, Descriptor::kBits);
+      o("delta", delta, "bits", "words nearer than that are the same").within(1, Descriptor::kMaxBits);
       o.group("index", "", index);
     }
   };

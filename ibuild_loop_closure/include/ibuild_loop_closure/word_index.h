@@ -42,7 +42,7 @@ struct IndexOptions {
 
 struct FoundWord {
   int word = -1;  ///< -1: none under delta
-  int distance = Descriptor::kBits + 1;
+  int distance = Descriptor::kMaxBits + 1;
 };
 
 /// Words are numbered in the order in which they are added.
