@@ -13,6 +13,7 @@
 #include <set>
 
 #include "nodelet_fixture.h"
+#include "rtree_occupancy_map/ros/octomap_message.h"
 
 namespace rtree_occupancy_map {
 namespace {
@@ -333,6 +334,69 @@ TEST_F(MapPublisher, WithoutLatchOnlyChangesAreSent) {
   buildRoom("there", 64.0, 2);
   EXPECT_FALSE(occupied.messages.empty());
   for (const auto& box : boxesOf(occupied.messages)) EXPECT_GT(box[0], 32 / 0.2);
+}
+
+// ------------------------------------------------------------------------------------------- OctoMap's
+// topics
+
+TEST_F(MapPublisher, OctomapsAreTheWholeMap) {
+  setParam("full_map_period", 0.0);
+  ASSERT_TRUE(load());
+  buildRoom("a", 0.0, 1);
+  for (const OctomapFormat format : {OctomapFormat::kBinary, OctomapFormat::kFull}) {
+    const bool binary = format == OctomapFormat::kBinary;
+    const std::string name = binary ? "octomap_binary" : "octomap_full";
+    const auto expectCurrent = [&](const OctomapMessage& message) {
+      EXPECT_EQ(binary, message.binary == 1);
+      EXPECT_EQ("OcTree", message.id);
+      EXPECT_EQ(0.2, message.resolution);
+      EXPECT_EQ(map_frame_, message.header.frame_id);
+      EXPECT_TRUE(toOctomap(reference_, format).bytes == message.data);
+    };
+    Recorder<OctomapMessage> recorder(node_, name);
+    ASSERT_TRUE(recorder.waitForOne());
+    expectCurrent(recorder.messages.back());
+    const std::size_t before = recorder.messages.size();
+    buildRoom(binary ? "b" : "c", binary ? 2.0 : 4.0, 2);
+    ASSERT_TRUE(waitFor([&] { return recorder.messages.size() > before; }));
+    spinFor(0.2);
+    expectCurrent(recorder.messages.back());
+
+    GetOctomap service;
+    ASSERT_TRUE(ros::service::call(node_.resolveName(name), service));
+    expectCurrent(service.response.map);
+    const std::size_t idle = recorder.messages.size();
+    spinFor(0.3);
+    EXPECT_EQ(idle, recorder.messages.size());  // nothing changed
+  }
+}
+
+// What who has the package octomap_msgs expects.
+TEST_F(MapPublisher, OctomapsAreThoseOfOctomapMsgs) {
+  EXPECT_STREQ("octomap_msgs/Octomap", ros::message_traits::datatype<OctomapMessage>());
+  EXPECT_STREQ("9a45536b45c5e409cd49f04bb2d9999f", ros::message_traits::md5sum<OctomapMessage>());
+  EXPECT_STREQ("octomap_msgs/GetOctomap", ros::service_traits::datatype<GetOctomap::Request>());
+  EXPECT_STREQ("be9d2869d24fe40d6bc21ac21f6bb2c5", ros::service_traits::md5sum<GetOctomap::Response>());
+  OctomapMessage message;
+  message.header.frame_id = "map";
+  message.binary = 1;
+  message.id = "OcTree";
+  message.resolution = 0.5;
+  message.data = std::string("\0\xff", 2);
+  const ros::SerializedMessage bytes = ros::serialization::serializeMessage(message);
+  // Length, header (seq, stamp, string), bool, string, float64, int8[].
+  const std::string expected(
+      "\x2c\0\0\0"
+      "\0\0\0\0"
+      "\0\0\0\0\0\0\0\0"
+      "\3\0\0\0map"
+      "\1"
+      "\6\0\0\0OcTree"
+      "\0\0\0\0\0\0\xe0\x3f"
+      "\2\0\0\0"
+      "\0\xff",
+      48);
+  EXPECT_EQ(expected, std::string(reinterpret_cast<const char*>(bytes.buf.get()), bytes.num_bytes));
 }
 
 }  // namespace

@@ -24,6 +24,7 @@
 #include "rtree_occupancy_map/ros/cell_conversion.h"
 #include "rtree_occupancy_map/ros/map_formats.h"
 #include "rtree_occupancy_map/ros/map_publisher.h"
+#include "rtree_occupancy_map/ros/octomap_message.h"
 #include "rtree_occupancy_map/ros/parameters.h"
 #include "rtree_occupancy_map/ros/scan_conversion.h"
 
@@ -216,6 +217,16 @@ void MappingNodelet::offerServices() {
     requireBox(request.min, request.max);
     publisher_->changed(map_.clearBox(toEigen(request.min), toEigen(request.max)), ros::Time::now());
   });
+  const auto serveOctomap = [this](const std::string& name, OctomapFormat format) {
+    serve<GetOctomap>(getNodeHandle(), name, [this, format](auto&, auto& response) {
+      std_msgs::Header header;
+      header.stamp = ros::Time::now();
+      header.frame_id = parameters_.display.frame_id;
+      response.map = toMessage(map_, format, header);
+    });
+  };
+  serveOctomap("octomap_binary", OctomapFormat::kBinary);
+  serveOctomap("octomap_full", OctomapFormat::kFull);
   serve<CellsInBox>(node, "cells_in_box", [this](const auto& request, auto& response) {
     requireBox(request.min, request.max);
     map_.visitBox(toEigen(request.min), toEigen(request.max), [&](const Cell& cell) {

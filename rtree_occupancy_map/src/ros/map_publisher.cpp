@@ -14,15 +14,6 @@ using Subscriber = ros::SingleSubscriberPublisher;
 // map is sent as a whole in place of patches.
 constexpr double kWholeMapAfterResize = 3.0;  // s
 
-std::vector<Cell> occupiedCells(const OccupancyMap& map) {
-  std::vector<Cell> cells;
-  map.visitOccupied([&cells](const Cell& cell) {
-    cells.push_back(cell);
-    return true;
-  });
-  return cells;
-}
-
 }  // namespace
 
 MapPublisher::MapPublisher(ros::NodeHandle& node, const DisplayOptions& options, const OccupancyMap& map)
@@ -34,13 +25,11 @@ MapPublisher::MapPublisher(ros::NodeHandle& node, const DisplayOptions& options,
   if (options.publish_free_space) advertiseMarkers(node, "free_cells_vis_array", free_);
 
   cells_updates_ = node.advertise<sensor_msgs::PointCloud2>("occupied_cells_centers_updates", 10);
-  cells_ = node.advertise<sensor_msgs::PointCloud2>("occupied_cells_centers", 1,
-                                                    [this](const Subscriber& subscriber) {
-                                                      if (cells_.getNumSubscribers() == 1)
-                                                        last_cells_ = ros::WallTime::now();
-                                                      if (options_.latch)
-                                                        subscriber.publish(cloudOf(occupiedCells(map_)));
-                                                    });
+  advertiseWhole(node, "occupied_cells_centers", cells_, [this] { return cloudOfAll(); });
+  advertiseWhole(node, "octomap_binary", octomap_binary_,
+                 [this] { return toMessage(map_, OctomapFormat::kBinary, header()); });
+  advertiseWhole(node, "octomap_full", octomap_full_,
+                 [this] { return toMessage(map_, OctomapFormat::kFull, header()); });
 
   projection_updates_ = node.advertise<map_msgs::OccupancyGridUpdate>(
       "projected_map_updates", 10, [this](const Subscriber&) { startProjection(); });
@@ -50,6 +39,33 @@ MapPublisher::MapPublisher(ros::NodeHandle& node, const DisplayOptions& options,
         startProjection();
         if (options_.latch) subscriber.publish(projected_map_.grid());
       });
+}
+
+template <class MakeMessage>
+void MapPublisher::advertiseWhole(ros::NodeHandle& node, const std::string& topic, Whole& whole,
+                                  const MakeMessage& make) {
+  const auto welcome = [this, &whole, make](const Subscriber& subscriber) {
+    if (whole.publisher.getNumSubscribers() == 1) whole.last = ros::WallTime::now();
+    if (options_.latch) subscriber.publish(make());
+  };
+  whole.publisher = node.advertise<decltype(make())>(topic, 1, welcome);
+}
+
+template <class MakeMessage>
+void MapPublisher::publishWhole(Whole& whole, bool changed, bool at_once, const MakeMessage& make) {
+  whole.changed = whole.publisher.getNumSubscribers() > 0 && (whole.changed || changed);
+  if (!whole.changed || !(at_once || due(whole.last))) return;
+  whole.publisher.publish(make());
+  whole.changed = false;
+  whole.last = ros::WallTime::now();
+}
+
+void MapPublisher::publishWholes(bool changed, bool at_once) {
+  publishWhole(cells_, changed, at_once, [this] { return cloudOfAll(); });
+  publishWhole(octomap_binary_, changed, at_once,
+               [this] { return toMessage(map_, OctomapFormat::kBinary, header()); });
+  publishWhole(octomap_full_, changed, at_once,
+               [this] { return toMessage(map_, OctomapFormat::kFull, header()); });
 }
 
 void MapPublisher::advertiseMarkers(ros::NodeHandle& node, const std::string& topic, Markers& markers) {
@@ -78,6 +94,7 @@ void MapPublisher::publish() {
   publishMarkers(occupied_, blocks);
   publishMarkers(free_, blocks);
   publishCells(blocks);
+  publishWholes(!blocks.empty(), false);
   publishProjection(blocks);
 }
 
@@ -86,7 +103,7 @@ void MapPublisher::restart() {
   for (Markers* markers : {&occupied_, &free_}) {
     if (markers->active) markers->publisher.publish(markers->cache.restart(map_, options_.color));
   }
-  if (cells_.getNumSubscribers() > 0) sendCells();
+  publishWholes(true, true);
   if (projection_active_) {
     projection_active_ = false;
     startProjection();
@@ -111,8 +128,6 @@ void MapPublisher::publishCells(const std::vector<Block>& blocks) {
     for (const Block& block : blocks) appendOccupied(map_, block, cells);
     cells_updates_.publish(cloudOf(cells));
   }
-  cells_changed_ = cells_.getNumSubscribers() > 0 && (cells_changed_ || !blocks.empty());
-  if (cells_changed_ && due(last_cells_)) sendCells();
 }
 
 void MapPublisher::publishProjection(const std::vector<Block>& blocks) {
@@ -140,12 +155,6 @@ void MapPublisher::startProjection() {
   last_projection_ = last_resize_ = ros::WallTime::now();
 }
 
-void MapPublisher::sendCells() {
-  cells_.publish(cloudOf(occupiedCells(map_)));
-  cells_changed_ = false;
-  last_cells_ = ros::WallTime::now();
-}
-
 void MapPublisher::sendProjection() {
   projection_.publish(projected_map_.grid());
   projection_changed_ = false;
@@ -163,6 +172,15 @@ sensor_msgs::PointCloud2 MapPublisher::cloudOf(const std::vector<Cell>& cells) c
   sensor_msgs::PointCloud2 cloud = toPointCloud2(map_, cells);
   cloud.header = header();
   return cloud;
+}
+
+sensor_msgs::PointCloud2 MapPublisher::cloudOfAll() const {
+  std::vector<Cell> cells;
+  map_.visitOccupied([&cells](const Cell& cell) {
+    cells.push_back(cell);
+    return true;
+  });
+  return cloudOf(cells);
 }
 
 bool MapPublisher::due(const ros::WallTime& last) const {

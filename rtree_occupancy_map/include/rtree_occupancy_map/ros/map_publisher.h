@@ -4,6 +4,7 @@
 #include <ros/ros.h>
 #include <rtree_occupancy_map/occupancy_map.h>
 #include <rtree_occupancy_map/ros/marker_cache.h>
+#include <rtree_occupancy_map/ros/octomap_message.h>
 #include <rtree_occupancy_map/ros/projected_map.h>
 #include <sensor_msgs/PointCloud2.h>
 
@@ -27,9 +28,8 @@ struct DisplayOptions {
   void describe(mapping_common::OptionList& o) {
     o("frame_id", frame_id, "", "fixed frame that the map is built in").notEmpty();
     o("full_map_period", full_map_period, "s",
-      "a map that changed is sent as a whole this often at most: occupied_cells_centers and projected_map, "
-      "for those "
-      "who don't listen to their updates")
+      "a map that changed is sent as a whole this often at most: octomap_binary and octomap_full; "
+      "occupied_cells_centers and projected_map for those who don't listen to their updates")
         .atLeast(0.0);
     o("latch", latch, "",
       "true: a new subscriber gets the whole map at once; false: what changes from then on");
@@ -78,15 +78,27 @@ class MapPublisher {
     bool active = false;  // whether the cache is in use
   };
 
+  // A topic that the whole map is sent to.
+  struct Whole {
+    ros::Publisher publisher;
+    bool changed = false;  // since it was sent
+    ros::WallTime last;    // when it was
+  };
+
+  template <class MakeMessage>
+  void advertiseWhole(ros::NodeHandle& node, const std::string& topic, Whole& whole, const MakeMessage& make);
+  template <class MakeMessage>
+  void publishWhole(Whole& whole, bool changed, bool at_once, const MakeMessage& make);
+  void publishWholes(bool changed, bool at_once);
   void advertiseMarkers(ros::NodeHandle& node, const std::string& topic, Markers& markers);
   void publishMarkers(Markers& markers, const std::vector<Block>& blocks);
   void publishCells(const std::vector<Block>& blocks);
   void publishProjection(const std::vector<Block>& blocks);
   void startProjection();
-  void sendCells();
   void sendProjection();
   std_msgs::Header header() const;
   sensor_msgs::PointCloud2 cloudOf(const std::vector<Cell>& cells) const;
+  sensor_msgs::PointCloud2 cloudOfAll() const;
   bool due(const ros::WallTime& last) const;
 
   const OccupancyMap& map_;
@@ -95,9 +107,10 @@ class MapPublisher {
   ros::Time stamp_;
 
   Markers occupied_, free_;
-  ros::Publisher cells_, cells_updates_, projection_, projection_updates_;
-  bool cells_changed_ = false, projection_changed_ = false;  // since they were sent as a whole
-  ros::WallTime last_cells_, last_projection_;               // when they were
+  Whole cells_, octomap_binary_, octomap_full_;
+  ros::Publisher cells_updates_, projection_, projection_updates_;
+  bool projection_changed_ = false;  // since it was sent as a whole
+  ros::WallTime last_projection_;    // when it was
   ProjectedMap projected_map_;
   ros::WallTime last_resize_;  // when its extent became another one
   bool projection_active_ = false;

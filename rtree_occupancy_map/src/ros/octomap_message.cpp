@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "rtree_occupancy_map/ros/octomap_message.h"
+
+#include <utility>
+
+namespace rtree_occupancy_map {
+
+OctomapMessage toMessage(const OccupancyMap& map, OctomapFormat format, const std_msgs::Header& header) {
+  OctomapMessage message;
+  message.header = header;
+  message.binary = format == OctomapFormat::kBinary ? 1 : 0;
+  message.id = "OcTree";
+  message.resolution = map.options().resolution;
+  message.data = std::move(toOctomap(map, format).bytes);
+  return message;
+}
+
+}  // namespace rtree_occupancy_map
