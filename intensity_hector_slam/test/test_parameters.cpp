@@ -42,8 +42,7 @@ TEST(Parameters, OfOtherFilesThatShipAreRead) {
 
 TEST(Parameters, AreCheckedByName) {
   expectRejected("map_resolution: 0", "~map_resolution is 0, allowed is 0.001 to 10");
-  expectRejected("cost: intensity",
-                 "~cost is 'intensity', allowed is occupancy | reflectivity | combined | auto");
+  expectRejected("cost: intensity", "~cost is 'intensity', allowed is occupancy | reflectivity | ");
   expectRejected("{occupancy_weight: 0, reflectivity_weight: 0}",
                  "~occupancy_weight is 0, allowed is more than 0");
   expectRejected("min_step_angle: 0.2", "~min_step_angle is 0.2, allowed is 0 to max_step_angle");
