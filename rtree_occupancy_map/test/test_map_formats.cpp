@@ -109,6 +109,42 @@ TEST_F(Tool, Converts) {
   EXPECT_TRUE(mentions(out_, {"32 x 32 pixels", " m of "}));
 }
 
+TEST_F(Tool, ChangesTheResolution) {
+  smallMap().save(dir_.path("a.map"));
+  ASSERT_EQ(0, run("convert --resolution 0.5 " + dir_.path("a.map") + ' ' + dir_.path("b.map"))) << err_;
+  const OccupancyMap coarse = OccupancyMap::load(dir_.path("b.map"));
+  EXPECT_EQ(0.5, coarse.options().resolution);
+  const OccupancyMap fine = smallMap();
+  fine.visitOccupied([&](const Cell& cell) {
+    EXPECT_EQ(VoxelState::kOccupied, coarse.stateAt(fine.center(cell.box)));
+    return true;
+  });
+}
+
+TEST_F(Tool, MergesTwoMaps) {
+  Options options;
+  options.resolution = 0.25;
+  std::vector<Cell> cells(1);
+  cells[0].box = VoxelBox::unit({4, 0, 0});
+  cells[0].log_odds = 1.0F;
+  OccupancyMap::fromCells(options, cells).save(dir_.path("a.map"));
+  cells[0].box = VoxelBox::unit({0, 8, 0});
+  OccupancyMap::fromCells(options, cells).save(dir_.path("b.map"));
+  // B's frame is at (0, 0.5, -0.25), turned a quarter to the right: its (0, 8, 0) is at (8, 1, -1).
+  ASSERT_EQ(0, run("merge " + dir_.path("a.map") + ' ' + dir_.path("b.map") +
+                   " --transform 0 0.5 -0.25 0 0 -1.5707963267948966 " + dir_.path("c.ot")))
+      << err_;
+  const auto merged = known(readMap(dir_.path("c.ot")));
+  EXPECT_EQ((std::map<Voxel, float>{{{4, 0, 0}, 1.0F}, {{8, 1, -1}, 1.0F}}), merged);
+  const std::string maps = "merge " + dir_.path("a.map") + ' ' + dir_.path("b.map") + ' ';
+  EXPECT_EQ(0, run(maps + dir_.path("c") + " --resolution 1.0")) << err_;
+  EXPECT_EQ(2u, known(readMap(dir_.path("c"))).size());
+  for (const char* wrong : {"--transform 1 2 3", "c --transform 1 2 3 4 5", "c --transform 1 2 3 4 5 six"}) {
+    EXPECT_EQ(2, run(maps + wrong)) << wrong;
+    EXPECT_TRUE(mentions(err_, {"--transform has"}));
+  }
+}
+
 TEST_F(Tool, SaysWhatIsWrong) {
   const auto expect = [this](int code, const std::string& arguments,
                              std::initializer_list<const char*> parts) {
@@ -122,6 +158,8 @@ TEST_F(Tool, SaysWhatIsWrong) {
   expect(2, "confuse a b", {"convert IN OUT"});
   expect(2, in, {"convert IN OUT"});
   expect(2, in + "out.jpeg", {"out.jpeg", ".pcd"});
+  expect(2, in + "out.map --resolution 0", {"--resolution is 0"});
+  expect(2, in + "out.map --transform 1 2 3 4 5 6", {"merge A B OUT"});
   expect(2, in + "out.pgm --max-size 0", {"max-size is 0"});
   expect(1, "convert /nowhere/a.bt b.map", {"rtree_map: /nowhere/a.bt can't be opened"});
   expect(1, in + "/nowhere/b.bt", {"/nowhere/b.bt"});

@@ -1,10 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
-// Files of maps: from one format to another.
+// Files of maps: from one format, resolution and frame to another, and two into one.
 #include <mapping_common/tool.h>
+#include <rtree_occupancy_map/map_transform.h>
 #include <rtree_occupancy_map/ros/map_formats.h>
 
+#include <algorithm>
 #include <boost/program_options.hpp>
+#include <cmath>
+#include <cstdlib>
 #include <iostream>
 #include <string>
 #include <vector>
@@ -16,29 +20,64 @@ namespace {
 
 const char kUsage[] =
     "Usage: rtree_map convert IN OUT [options]\n"
+    "       rtree_map merge A B [--transform X Y Z ROLL PITCH YAW] OUT [options]\n"
     "\n"
     "Files by their endings: .map or none (the R-tree map), .bt and .ot (OctoMap); to be written alone, "
     ".pcd\n"
     "(points at the occupied voxels), .pgm or .yaml (seen from above, both, for map_server).\n";
 
 struct Arguments {
-  std::string in, out;
+  std::string in, other, out;  // other: merged with `in`, empty if nothing is
+  Eigen::Isometry3d transform = Eigen::Isometry3d::Identity();
+  double resolution = 0.0;  // m; 0: that of `in`
   DisplayOptions projection;
 };
 
+// Takes `--transform` and its numbers out, of which Boost would take negative ones for options.
+Eigen::Isometry3d takeTransform(std::vector<std::string>& words) {
+  const auto flag = std::find(words.begin(), words.end(), "--transform");
+  Eigen::Isometry3d transform = Eigen::Isometry3d::Identity();
+  if (flag == words.end()) return transform;
+  double v[6];
+  for (int i = 0; i < 6; ++i) {
+    if (words.end() - flag <= i + 1) throw po::error("--transform has less than six numbers");
+    const std::string& word = flag[i + 1];
+    char* end = nullptr;
+    v[i] = std::strtod(word.c_str(), &end);
+    if (word.empty() || *end != '\0' || !std::isfinite(v[i]))
+      throw po::error("--transform has '" + word + "', expected are six numbers: X Y Z ROLL PITCH YAW");
+  }
+  words.erase(flag, flag + 7);
+  using Eigen::AngleAxisd, Eigen::Vector3d;
+  transform.linear() = (AngleAxisd(v[5], Vector3d::UnitZ()) * AngleAxisd(v[4], Vector3d::UnitY()) *
+                        AngleAxisd(v[3], Vector3d::UnitX()))
+                           .toRotationMatrix();
+  transform.translation() = Vector3d(v[0], v[1], v[2]);
+  return transform;
+}
+
 bool parse(int argc, char** argv, Arguments& a) {
   a.projection.occupancy_max_size = 20000;
+  Options map;
   po::options_description visible("Options"), all;
-  visible.add_options()("help,h", "print this");
+  auto add = visible.add_options();
+  add("help,h", "print this");
+  add("resolution", po::value(&a.resolution),
+      "m, of OUT; by default that of IN or A. A larger voxel is as occupied as the most occupied of its "
+      "parts");
+  add("transform", po::value<std::string>(),
+      "pose of B in A's frame: m, and rad about the fixed axes x, y, z (as static_transform_publisher)");
   mapping_common::addOption(visible, "min_z", a.projection, "occupancy_min_z");
   mapping_common::addOption(visible, "max_z", a.projection, "occupancy_max_z");
   mapping_common::addOption(visible, "max_size", a.projection, "occupancy_max_size");
-  std::vector<std::string> words;
-  all.add(visible).add_options()("words", po::value(&words));
+  std::vector<std::string> words(argv + 1, argv + argc), files;
+  a.transform = takeTransform(words);
+  const bool has_transform = static_cast<int>(words.size()) + 1 < argc;
+  all.add(visible).add_options()("files", po::value(&files));
   po::positional_options_description positional;
-  positional.add("words", -1);
+  positional.add("files", -1);
   po::variables_map values;
-  po::store(po::command_line_parser(argc, argv)
+  po::store(po::command_line_parser(words)
                 .options(all)
                 .positional(positional)
                 .style(po::command_line_style::unix_style ^ po::command_line_style::allow_guessing)
@@ -50,15 +89,29 @@ bool parse(int argc, char** argv, Arguments& a) {
   }
   po::notify(values);
   mapping_common::validate(a.projection, "--");
-  if (words.size() != 3 || words[0] != "convert") throw po::error("expected is: convert IN OUT");
-  a.in = words[1];
-  a.out = words[2];
+  if (values.count("resolution") > 0) {
+    map.resolution = a.resolution;
+    mapping_common::validate(map, "--");
+  }
+  const bool merges = files.size() == 4 && files[0] == "merge";
+  if (!merges && (files.size() != 3 || files[0] != "convert" || has_transform))
+    throw po::error("expected is: convert IN OUT, or merge A B OUT");
+  a.in = files[1];
+  if (merges) a.other = files[2];
+  a.out = files.back();
   formatOf(a.out);
   return true;
 }
 
 void run(const Arguments& a) {
-  std::cout << writeMap(readMap(a.in), a.out, a.projection) << '\n';
+  OccupancyMap map = readMap(a.in);
+  if (a.resolution > 0.0) {
+    Options options = map.options();
+    options.resolution = a.resolution;
+    map = transformed(map, Eigen::Isometry3d::Identity(), options);
+  }
+  if (!a.other.empty()) map = merged(map, transformed(readMap(a.other), a.transform, map.options()));
+  std::cout << writeMap(map, a.out, a.projection) << '\n';
 }
 
 }  // namespace
