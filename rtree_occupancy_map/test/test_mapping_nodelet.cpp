@@ -324,6 +324,23 @@ TEST_F(MappingNodelet, ScanWithoutReturnClearsOnlyIfAskedTo) {
   EXPECT_TRUE(voxels().empty());
 }
 
+TEST_F(MappingNodelet, LeavesTheRobotsOwnBodyOut) {
+  setParam("robot_body", frame("base") + " -0.5 -0.5 -0.5 0.5 0.5 0.5; " + frame("nowhere") + " 0 0 0 1 1 1");
+  ASSERT_TRUE(load());
+  sendStaticPose("lidar", poseOf(5, 1, 0.5, 1.0));
+  sendStaticPose("base", poseOf(5, 1, 0.5, 0.3));
+  std::vector<Eigen::Vector3f> wall, all;
+  for (int i = 0; i < 100; ++i) {
+    wall.emplace_back(3.0F, 0.05F * static_cast<float>(i - 50), 0.0F);
+    all.push_back(wall.back());
+    all.emplace_back(0.004F * static_cast<float>(i), 0.1F, -0.2F);
+  }
+  send(makeCloud(all), "lidar");
+  reference_.insertScan(toScan(makeCloud(wall), poseOf(5, 1, 0.5, 1.0), {}).scan);
+  EXPECT_TRUE(waitForMap(reference_));
+  expectDiagnostic("Input", "Points left out: the robot's own body", "100");
+}
+
 // ----------------------------------------------------------------------------------------------------
 // services
 

@@ -10,6 +10,7 @@
 #include <rtree_occupancy_map/CastRay.h>
 #include <rtree_occupancy_map/CellsInBox.h>
 #include <std_srvs/Empty.h>
+#include <tf2_eigen/tf2_eigen.h>
 
 #include <algorithm>
 #include <cmath>
@@ -21,6 +22,7 @@
 #include <utility>
 #include <vector>
 
+#include "rtree_occupancy_map/robot_body.h"
 #include "rtree_occupancy_map/ros/cell_conversion.h"
 #include "rtree_occupancy_map/ros/map_formats.h"
 #include "rtree_occupancy_map/ros/map_publisher.h"
@@ -71,6 +73,7 @@ class MappingNodelet : public mapping_common::Nodelet {
   void offerServices();
   template <class Message>
   void insert(const Message& message, const mapping_common::Arrivals::Transforms& transforms);
+  void leaveOutBody(const ros::Time& stamp, Scan& scan);
   void warnOfFrame(const std::string& cloud_frame);
 
   void castRay(const CastRay::Request& request, CastRay::Response& response) const;
@@ -88,14 +91,15 @@ class MappingNodelet : public mapping_common::Nodelet {
   std::string save_on_shutdown_;  // empty until the nodelet has started
 
   std::unique_ptr<mapping_common::Arrivals> arrivals_;
+  std::vector<BodyBox> robot_body_;
   ros::Subscriber clouds_, scans_;
 
   ros::WallTimer publish_timer_;
 
-  mapping_common::Throttle frame_throttle_{60.0}, far_throttle_{60.0};
+  mapping_common::Throttle frame_throttle_{60.0}, far_throttle_{60.0}, body_throttle_{60.0};
   Activity activity_;
   InsertReport points_;  // sums over all scans
-  std::size_t inserted_ = 0, points_outside_z_ = 0, points_below_minimum_ = 0;
+  std::size_t inserted_ = 0, points_outside_z_ = 0, points_of_body_ = 0;
 };
 
 MappingNodelet::~MappingNodelet() {
@@ -112,6 +116,7 @@ void MappingNodelet::start(mapping_common::Parameters& reader) {
   ros::NodeHandle& node = getNodeHandle();
   reader.read(parameters_);
   formatOf(parameters_.save_on_shutdown);
+  robot_body_ = parseRobotBody(parameters_.robot_body);
   map_ = OccupancyMap(parameters_.map);
   if (!parameters_.map_file.empty()) NODELET_INFO_STREAM(load(parameters_.map_file));
   publisher_ = std::make_unique<MapPublisher>(node, parameters_.display, map_);
@@ -158,6 +163,24 @@ void MappingNodelet::listen() {
       false);  // beams start in the scan's own frame
 }
 
+// A part whose transform at the stamp hasn't come yet, as of an arm, is where it was last.
+void MappingNodelet::leaveOutBody(const ros::Time& stamp, Scan& scan) {
+  const tf2_ros::Buffer& buffer = arrivals_->queue().buffer();
+  for (const BodyBox& part : robot_body_) {
+    const std::string frame = mapping_common::withoutSlash(part.frame),
+                      map_frame = mapping_common::withoutSlash(parameters_.display.frame_id);
+    try {
+      const bool known = buffer.canTransform(map_frame, frame, stamp);
+      const Eigen::Isometry3d pose =
+          tf2::transformToEigen(buffer.lookupTransform(map_frame, frame, known ? stamp : ros::Time(0)));
+      points_of_body_ += removeHitsIn(part.box, pose, scan);
+    } catch (const tf2::TransformException& e) {
+      if (body_throttle_())
+        NODELET_WARN_STREAM("~robot_body: returns of " << part.frame << " aren't left out: " << e.what());
+    }
+  }
+}
+
 // As LOAM and others publish them once they are registered.
 void MappingNodelet::warnOfFrame(const std::string& cloud_frame) {
   const std::string& frame_id = parameters_.display.frame_id;
@@ -174,6 +197,7 @@ void MappingNodelet::insert(const Message& message, const mapping_common::Arriva
   if (isEmpty(message)) return arrivals_->drops().add(kEmpty, "nothing was measured in it");
   ConvertedScan converted = toScan(message, transforms.message, parameters_.scan);
   if (transforms.other) converted.scan.origin = transforms.other->translation().cast<float>();
+  leaveOutBody(message.header.stamp, converted.scan);
   const ros::WallTime start = ros::WallTime::now();
   const InsertReport report = map_.insertScan(converted.scan);
   const double time = (ros::WallTime::now() - start).toSec();
@@ -319,6 +343,7 @@ void MappingNodelet::diagnoseInput(StatusWrapper& status) {
   status.add("Points left out: not finite", points_.non_finite);
   status.add("Points left out: too near", points_.too_near);
   status.add("Points left out: limits in z", points_outside_z_);
+  status.add("Points left out: the robot's own body", points_of_body_);
   status.add("Points left out: outside of the map", points_.outside);
   status.add("Points cut at max_range", points_.beyond_range);
 }

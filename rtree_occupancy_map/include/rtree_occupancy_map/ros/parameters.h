@@ -16,7 +16,7 @@ struct MappingParameters {
   DisplayOptions display;
   std::string map_file, save_on_shutdown;
   int queue_size = 10;
-  std::string sensor_frame_id;
+  std::string sensor_frame_id, robot_body;
   double transform_timeout = 0.5;
   double transform_tolerance = 0.0;
   double publish_rate = 2.0;
@@ -44,6 +44,9 @@ struct MappingParameters {
       "a message waits until transforms this much later than its stamp are known")
         .within(0.0, 10.0);
     scan.describe(o);
+    o("robot_body", robot_body, "m",
+      "the robot's own parts: returns in these boxes are left out, and don't clear. Each is a frame and two "
+      "corners in it, 'base_link -0.4 -0.3 0 0.4 0.3 1.2', with a ; between boxes");
     o.section("the output");
     o("publish_rate", publish_rate, "Hz", "what changed is published this often at most")
         .within(0.1, 100.0)
