@@ -149,8 +149,10 @@ void transformInto(const VoxelBox& box, double resolution, const OccupancyMap& m
   const Eigen::Vector3d min = resolution * Eigen::Vector3d(box.min[0], box.min[1], box.min[2]),
                         max = resolution * Eigen::Vector3d(box.max[0], box.max[1], box.max[2]);
   const Eigen::AlignedBox3d there = around({min, max}, transform.inverse());
-  DenseBox source(map.boxOf(there.min(), there.max()));
-  if (!source.read(map)) return;
+  const VoxelBox known = intersect(map.boxOf(there.min(), there.max()), map.tree().bounds());
+  if (known.isEmpty() || map.tree().visitOverlapping(known, [](const Cell&) { return false; })) return;
+  DenseBox source(known);
+  source.read(map);
   DenseBox target(box);
   const auto take = [](DenseBox::Value& value, const DenseBox::Value& other) {
     if (other.isKnown() && !(value.log_odds >= other.log_odds)) value = other;

@@ -14,7 +14,7 @@ std::vector<BodyBox> parseRobotBody(const std::string& text) {
     std::istringstream words(part);
     BodyBox box;
     if (!(words >> box.frame)) continue;  // blank
-    double edges[6];
+    double edges[6] = {};
     bool good = true;
     for (double& edge : edges) good = words >> edge && std::isfinite(edge) && good;
     std::string more;

@@ -38,7 +38,7 @@ Eigen::Isometry3d takeTransform(std::vector<std::string>& words) {
   const auto flag = std::find(words.begin(), words.end(), "--transform");
   Eigen::Isometry3d transform = Eigen::Isometry3d::Identity();
   if (flag == words.end()) return transform;
-  double v[6];
+  double v[6] = {};
   for (int i = 0; i < 6; ++i) {
     if (words.end() - flag <= i + 1) throw po::error("--transform has less than six numbers");
     const std::string& word = flag[i + 1];
