@@ -20,6 +20,12 @@ namespace {
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 using Cloud = pcl::PointCloud<pcl::PointXYZ>;
 
+// Whether a point can have neighbours: squared distances to others of that kind are finite, too. FLANN
+// doesn't write the neighbours that are infinitely far, and Debian 11's PCL takes what is in memory for them.
+bool isUsable(const Eigen::Vector3f& point) {
+  return (point.array().abs() < 1e18F).all();
+}
+
 // Sorted, so that the result doesn't depend on a hash.
 Cloud::Ptr thin(const Cloud& cloud, double leaf) {
   std::map<std::array<int, 3>, std::pair<Eigen::Vector3d, int>> voxels;
@@ -67,7 +73,7 @@ class Search {
   Search(const Eigen::Matrix3Xf& points, const CloudIncidenceOptions& options)
       : points_(points), options_(options), neighborhood_(new Cloud) {
     for (Eigen::Index i = 0; i < points.cols(); ++i) {
-      if (points.col(i).allFinite()) neighborhood_->emplace_back(points(0, i), points(1, i), points(2, i));
+      if (isUsable(points.col(i))) neighborhood_->emplace_back(points(0, i), points(1, i), points(2, i));
     }
     if (options.leaf > 0.0) neighborhood_ = thin(*neighborhood_, options.leaf);
     if (!neighborhood_->empty()) tree_.setInputCloud(neighborhood_);
@@ -119,7 +125,7 @@ void estimate(const Eigen::Matrix3Xf& points, const Eigen::Matrix3Xf& viewpoints
               Neighbors&& find, Eigen::ArrayXf& incidence) {
   std::vector<Eigen::Vector3f> neighbors;
   for (Eigen::Index i = 0; i < points.cols(); ++i) {
-    if (!points.col(i).allFinite()) continue;
+    if (!isUsable(points.col(i))) continue;
     neighbors.clear();
     find(i, neighbors);
     const Eigen::Vector3d normal = normalOf(neighbors, max_error);

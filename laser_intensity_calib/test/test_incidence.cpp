@@ -271,6 +271,22 @@ TEST(CloudIncidence, IsUnknownOnALineAndWhereThereIsNothing) {
       150);
 }
 
+TEST(CloudIncidence, PointsInfinitelyFarHaveNoneAndChangeNone) {
+  Eigen::Matrix3Xf points(3, 31 * 31);
+  for (int i = 0; i < points.cols(); ++i) points.col(i) << 3.0F, 0.05F * (i % 31 - 15), 0.05F * (i / 31 - 15);
+  const Eigen::Matrix3Xf sensor = Eigen::Matrix3Xf::Zero(3, 1);
+  const Eigen::ArrayXf near = cloudIncidence(points, sensor);
+  ASSERT_FALSE(near.isNaN().any());
+  for (const float far : {1e25F, 3e38F, -3e38F}) {
+    Eigen::Matrix3Xf more(3, points.cols() + 3);
+    more << points, Eigen::Vector3f(far, 0.0F, 0.0F), Eigen::Vector3f(far, far, far),
+        Eigen::Vector3f(3.0F, far, 0.0F);
+    const Eigen::ArrayXf result = cloudIncidence(more, sensor);
+    EXPECT_TRUE((result.head(points.cols()) == near).all()) << far;
+    EXPECT_TRUE(result.tail(3).isNaN().all()) << far << ": " << result.tail(3).transpose();
+  }
+}
+
 TEST(CloudIncidence, TakesTheOrderOfAnOrganisedCloud) {
   // 31 rows of 81 columns: a wall at 3 m with a doorway in it, and another behind.
   Eigen::Matrix3Xf points(3, 31 * 81);
