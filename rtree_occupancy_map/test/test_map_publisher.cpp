@@ -179,8 +179,10 @@ TEST_F(MapPublisher, LaterMessagesHoldWhatChanged) {
   const std::size_t occupied_before = occupied.messages.size(), free_before = free.messages.size();
 
   buildRoom("there", 64.0, 2);  // other blocks
-  ASSERT_GT(occupied.messages.size(), occupied_before);
-  ASSERT_GT(free.messages.size(), free_before);
+  ASSERT_TRUE(waitFor([&] {
+    return occupied.messages.size() > occupied_before && free.messages.size() > free_before &&
+           !cells_updates.messages.empty();
+  }));
   for (const auto* recorder : {&occupied, &free}) {
     for (std::size_t i = recorder == &occupied ? occupied_before : free_before; i < recorder->messages.size();
          ++i) {
@@ -192,7 +194,6 @@ TEST_F(MapPublisher, LaterMessagesHoldWhatChanged) {
   }
   EXPECT_EQ(voxelsIn(boxes(true)), voxelsIn(boxesOf(occupied.messages)));
   EXPECT_EQ(voxelsIn(boxes(false)), voxelsIn(boxesOf(free.messages)));
-  ASSERT_FALSE(cells_updates.messages.empty());
   const auto update = boxesOf(cells_updates.messages.back());
   ASSERT_FALSE(update.empty());
   for (const auto& box : update) EXPECT_GT(box[0], 32 / 0.2);
