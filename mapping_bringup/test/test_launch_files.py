@@ -11,6 +11,7 @@ import unittest
 
 import roslaunch.arg_dump
 import roslaunch.config
+import roslib.packages
 import rosbag
 import rospkg
 import rospy
@@ -45,7 +46,8 @@ def topics_of(rviz_file):
 
 def replay():
     """What is in mapping_common's script."""
-    return runpy.run_path(os.path.join(rospkg.RosPack().get_path('mapping_common'), 'scripts', 'replay'))
+    source = os.path.join(rospkg.RosPack().get_path('mapping_common'), 'scripts', 'replay')
+    return runpy.run_path(source if os.path.exists(source) else roslib.packages.find_node('mapping_common', 'replay')[0])
 
 
 def node_of_type(config, node_type):
