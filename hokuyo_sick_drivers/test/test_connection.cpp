@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fcntl.h>
 #include <gtest/gtest.h>
+#include <mapping_common/testing/temp_dir.h>
 #include <netinet/in.h>
 #include <stdlib.h>
 #include <sys/socket.h>
@@ -309,8 +310,8 @@ TEST(ConnectionTest, serialPort) {
 }
 
 TEST(ConnectionTest, serialPortIsOpenedByNameAgain) {
-  char folder[] = "/tmp/connection_test_XXXXXX";
-  const std::string link = std::string(mkdtemp(folder)) + "/port";
+  const mapping_common::TempDir folder;
+  const std::string link = folder.path("port");
   Echo protocol;
   Log log;
   Connection connection({"", 0, link, 250000}, protocol, log.events());
@@ -322,7 +323,6 @@ TEST(ConnectionTest, serialPortIsOpenedByNameAgain) {
     unlink(link.c_str());
   }
   EXPECT_TRUE(waitFor([&] { return protocol.disconnections == 2; }));
-  rmdir(folder);
 }
 
 TEST(ConnectionTest, whatIsNoSerialPort) {

@@ -4,12 +4,15 @@
 // to be woken up can't be missed.
 #include "mapping_common/transform_queue.h"
 
+#include <ros/console.h>
 #include <tf2_eigen/tf2_eigen.h>
 
 #include <algorithm>
 #include <iterator>
 #include <stdexcept>
 #include <utility>
+
+#include "mapping_common/stamps.h"
 
 namespace mapping_common {
 namespace {
@@ -33,8 +36,13 @@ TransformQueue::TransformQueue(const ros::NodeHandle& node, const Options& optio
       callback_(buffer_.addTransformableCallback([this](auto&&...) { advance(); })) {
   for (std::string* frame : {&options_.target_frame, &options_.other_target, &options_.other_source})
     *frame = withoutSlash(*frame);
-  if (options_.needsTransforms())
-    listener_ = std::make_unique<tf2_ros::TransformListener>(buffer_, node, false);
+  if (!options_.needsTransforms()) return;
+  ros::NodeHandle hearing(node);
+  for (const bool is_static : {false, true}) {
+    listeners_.push_back(hearing.subscribe<tf2_msgs::TFMessage>(
+        is_static ? "/tf_static" : "/tf", 100,
+        [this, is_static](const tf2_msgs::TFMessageConstPtr& message) { hear(*message, is_static); }));
+  }
 }
 
 TransformQueue::~TransformQueue() {
@@ -55,8 +63,24 @@ void TransformQueue::add(const std::string& sensor, const std_msgs::Header& head
   forgetEmpty();
 }
 
+// As tf2_ros::TransformListener, but for stamps that tf2 throws on, or believes to be the newest for ever.
+void TransformQueue::hear(const tf2_msgs::TFMessage& message, bool is_static) {
+  const ros::Time now = ros::Time::now();
+  if (now < std::exchange(last_heard_, now)) buffer_.clear();
+  for (const auto& transform : message.transforms) {
+    if (transform.header.stamp.sec <= Stamps::kLastSecond) {
+      buffer_.setTransform(transform, "tf", is_static);
+    } else {
+      ROS_WARN_STREAM_THROTTLE(10.0, "The transform "
+                                         << transform.header.frame_id << " -> " << transform.child_frame_id
+                                         << " is left out: its stamp is " << transform.header.stamp.sec
+                                         << " s, after 2038");
+    }
+  }
+}
+
 std::size_t TransformQueue::restart() {
-  // With simulated time the listener has cleared the buffer, which may have heard of new ones since.
+  // With simulated time hear() has cleared the buffer, which may have heard of new ones since.
   if (!ros::Time::isSimTime()) buffer_.clear();
   for (auto& [sensor, sequence] : sequences_) {
     for (const auto request : sequence.requests) buffer_.cancelTransformableRequest(request);

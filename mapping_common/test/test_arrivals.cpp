@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 #include <mapping_common/testing/nodelet_test.h>
 #include <mapping_common/testing/temp_dir.h>
+#include <ros/callback_queue.h>
 #include <tf2_msgs/TFMessage.h>
 
 #include <stdexcept>
@@ -160,6 +161,29 @@ TEST_F(ArrivalsTest, TimeThatJumpsBackIsNoticedOnce) {
   sendTransform(100.0, 5.0);
   EXPECT_EQ((Numbers{0, 4, 3}), ready_);
   EXPECT_EQ(5.0, last_.message.translation().x());
+}
+
+TEST_F(ArrivalsTest, TransformsOfAFarFutureAreLeftOutAlone) {
+  start();
+  tf2_msgs::TFMessage message;
+  message.transforms.resize(2);
+  for (auto& transform : message.transforms) {
+    transform.header.frame_id = "map";
+    transform.transform.rotation.w = 1.0;
+  }
+  message.transforms[0].child_frame_id = "laser";
+  message.transforms[1].child_frame_id = "wheel";
+  message.transforms[1].header.stamp = ros::Time(200.0);
+  for (const std::uint32_t sec : {~0U, 4000000000U, 1U << 31, ~0U}) {
+    message.transforms[0].header.stamp = ros::Time(sec, 999999999);
+    tf_.publish(message);
+  }
+  EXPECT_TRUE(
+      waitFor([&] { return arrivals_->queue().buffer().canTransform("map", "wheel", ros::Time(200.0)); }));
+  sendTransform(200.0, 1.0);
+  add(0, 200.0);
+  EXPECT_EQ(Numbers{0}, ready_);
+  EXPECT_EQ(0u, guard_->exceptions());
 }
 
 TEST_F(ArrivalsTest, ALateSensorLosesNothing) {

@@ -44,12 +44,16 @@ std::uint32_t equalPortably(std::uint32_t mask, const float* a, const float* b) 
   return equal;
 }
 
+// Which voxels of a row are in `rows` together with the next one along x, y and z.
+inline std::array<std::uint32_t, 3> pairsIn(const BlockRows& rows, int row) {
+  return {row % kBlockSize < kBlockSize - 1 ? rows[row] & rows[row + 1] : 0,
+          row < kBlockRows - kBlockSize ? rows[row] & rows[row + kBlockSize] : 0, rows[row] & rows[row] >> 1};
+}
+
 void linkPortably(const BlockRows& rows, const float* log_odds, std::array<BlockRows, 3>& linked) {
   for (int row = 0; row < kBlockRows; ++row) {
     const float* here = log_odds + row * kBlockSize;
-    const std::uint32_t x = row % kBlockSize < kBlockSize - 1 ? rows[row] & rows[row + 1] : 0,
-                        y = row < kBlockRows - kBlockSize ? rows[row] & rows[row + kBlockSize] : 0,
-                        z = rows[row] & rows[row] >> 1;
+    const auto [x, y, z] = pairsIn(rows, row);
     linked[0][row] = equalPortably(x, here, here + kBlockSize);
     linked[1][row] = equalPortably(y, here, here + kBlockRows);
     linked[2][row] = equalPortably(z, here, here + 1);
@@ -113,9 +117,7 @@ AVX512 inline std::uint32_t equalAvx512(std::uint32_t mask, const float* a, cons
 AVX512 void linkAvx512(const BlockRows& rows, const float* log_odds, std::array<BlockRows, 3>& linked) {
   for (int row = 0; row < kBlockRows; ++row) {
     const float* here = log_odds + row * kBlockSize;
-    const std::uint32_t x = row % kBlockSize < kBlockSize - 1 ? rows[row] & rows[row + 1] : 0,
-                        y = row < kBlockRows - kBlockSize ? rows[row] & rows[row + kBlockSize] : 0,
-                        z = rows[row] & rows[row] >> 1;
+    const auto [x, y, z] = pairsIn(rows, row);
     linked[0][row] = equalAvx512(x, here, here + kBlockSize);
     linked[1][row] = equalAvx512(y, here, here + kBlockRows);
     linked[2][row] = equalAvx512(z, here, here + 1);

@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include <dirent.h>
 #include <gtest/gtest.h>
 #include <mapping_common/archive.h>
-#include <sys/stat.h>
-#include <unistd.h>
+#include <mapping_common/testing/temp_dir.h>
 
 #include <cstring>
+#include <filesystem>
 #include <fstream>
 #include <iterator>
 
@@ -16,22 +15,11 @@ namespace {
 
 class MapFileTest : public ::testing::Test {
  protected:
-  MapFileTest() {
-    char name[] = "/tmp/map_file_test_XXXXXX";
-    directory_ = mkdtemp(name);
-    path_ = directory_ + "/test.map";
-  }
-  ~MapFileTest() override {
-    for (const std::string& name : files()) std::remove((directory_ + "/" + name).c_str());
-    rmdir(directory_.c_str());
-  }
   std::vector<std::string> files() const {
     std::vector<std::string> names;
-    DIR* dir = opendir(directory_.c_str());
-    while (const dirent* entry = readdir(dir)) {
-      if (entry->d_name[0] != '.') names.emplace_back(entry->d_name);
+    for (const auto& entry : std::filesystem::directory_iterator(directory_.path())) {
+      names.push_back(entry.path().filename().string());
     }
-    closedir(dir);
     return names;
   }
   std::string read() const {
@@ -56,7 +44,8 @@ class MapFileTest : public ::testing::Test {
     return "";
   }
 
-  std::string directory_, path_;
+  const mapping_common::TempDir directory_;
+  std::string path_ = directory_.path("test.map");
 };
 
 OccupancyMap makeMap(bool reflectivity, int scans) {
@@ -189,7 +178,7 @@ TEST_F(MapFileTest, SaysWhatIsWrong) {
   bytes[8] = 9;
   write(bytes);
   EXPECT_NE(loadError().find("format version 9"), std::string::npos);
-  path_ = directory_;
+  path_ = directory_.path();
   EXPECT_NE(loadError(), "");
 }
 
@@ -233,10 +222,10 @@ TEST_F(MapFileTest, ChecksTheContent) {
 TEST_F(MapFileTest, AFailedSaveLeavesTheOldFile) {
   makeMap(false, 1).save(path_);
   const std::string before = read();
-  EXPECT_THROW(makeMap(false, 2).save(directory_ + "/no/such/folder.map"), std::runtime_error);
-  mkdir((directory_ + "/occupied").c_str(), 0755);
-  EXPECT_THROW(makeMap(false, 2).save(directory_ + "/occupied"), std::runtime_error);
-  rmdir((directory_ + "/occupied").c_str());
+  EXPECT_THROW(makeMap(false, 2).save(directory_.path("no/such/folder.map")), std::runtime_error);
+  std::filesystem::create_directory(directory_.path("occupied"));
+  EXPECT_THROW(makeMap(false, 2).save(directory_.path("occupied")), std::runtime_error);
+  std::filesystem::remove(directory_.path("occupied"));
   EXPECT_EQ(read(), before);
   EXPECT_EQ(files().size(), 1U);
 }

@@ -3,6 +3,7 @@
 // The nodelet's input, services and parameters, against a map built from the same scans.
 #include <dynamic_reconfigure/Reconfigure.h>
 #include <mapping_common/testing/message_fuzz.h>
+#include <mapping_common/testing/temp_dir.h>
 #include <mapping_msgs/LoadMap.h>
 #include <mapping_msgs/SaveMap.h>
 #include <nav_msgs/OccupancyGrid.h>
@@ -29,20 +30,6 @@ constexpr float kInf = std::numeric_limits<float>::infinity();
 sensor_msgs::PointCloud2 room(unsigned seed) {
   return makeCloud(roomPoints({4, 3, 1.5}, 1000, seed));
 }
-
-// A directory that goes with all that is in it.
-class TemporaryDirectory {
- public:
-  TemporaryDirectory() {
-    char name[] = "/tmp/test_mapping_nodelet_XXXXXX";
-    path_ = mkdtemp(name);
-  }
-  ~TemporaryDirectory() { EXPECT_EQ(0, std::system(("rm -r " + path_).c_str())); }
-  std::string operator/(const std::string& file) const { return path_ + "/" + file; }
-
- private:
-  std::string path_;
-};
 
 class MappingNodelet : public NodeletTest {
  protected:
@@ -347,35 +334,35 @@ TEST_F(MappingNodelet, LeavesTheRobotsOwnBodyOut) {
 TEST_F(MappingNodelet, SavesAndLoads) {
   ASSERT_TRUE(load());
   buildMap();
-  const TemporaryDirectory directory;
-  EXPECT_TRUE(callWithPath<mapping_msgs::SaveMap>("save_map", directory / "map").success);
-  EXPECT_EQ(voxelsOf(reference_), voxelsOf(OccupancyMap::load(directory / "map")));
+  const mapping_common::TempDir directory;
+  EXPECT_TRUE(callWithPath<mapping_msgs::SaveMap>("save_map", directory.path("map")).success);
+  EXPECT_EQ(voxelsOf(reference_), voxelsOf(OccupancyMap::load(directory.path("map"))));
 
   std_srvs::Empty reset;
   ASSERT_TRUE(ros::service::call(name_ + "/reset", reset));
   EXPECT_TRUE(voxels().empty());
-  EXPECT_TRUE(callWithPath<mapping_msgs::LoadMap>("load_map", directory / "map").success);
+  EXPECT_TRUE(callWithPath<mapping_msgs::LoadMap>("load_map", directory.path("map")).success);
   EXPECT_EQ(voxelsOf(reference_), voxels());
 
   // What fails leaves the map as it is.
-  std::ofstream(directory / "foreign") << "no map";
+  std::ofstream(directory.path("foreign")) << "no map";
   for (const std::string& path :
-       {directory / "foreign", directory / "missing", std::string("relative"), std::string()}) {
+       {directory.path("foreign"), directory.path("missing"), std::string("relative"), std::string()}) {
     EXPECT_FALSE(callWithPath<mapping_msgs::LoadMap>("load_map", path).success) << path;
     EXPECT_EQ(voxelsOf(reference_), voxels());
   }
-  EXPECT_FALSE(callWithPath<mapping_msgs::SaveMap>("save_map", directory / "missing/map").success);
+  EXPECT_FALSE(callWithPath<mapping_msgs::SaveMap>("save_map", directory.path("missing/map")).success);
   EXPECT_FALSE(callWithPath<mapping_msgs::SaveMap>("save_map", "relative").success);
-  const auto foreign = callWithPath<mapping_msgs::SaveMap>("save_map", directory / "map.bz");
+  const auto foreign = callWithPath<mapping_msgs::SaveMap>("save_map", directory.path("map.bz"));
   EXPECT_FALSE(foreign.success);
   EXPECT_NE(std::string::npos, foreign.message.find(".bt and .ot (OctoMap)")) << foreign.message;
-  EXPECT_NE(0, access((directory / "map.bz").c_str(), F_OK));
+  EXPECT_NE(0, access(directory.path("map.bz").c_str(), F_OK));
 
   // The ending says the format.
-  EXPECT_TRUE(callWithPath<mapping_msgs::SaveMap>("save_map", directory / "map.ot").success);
-  EXPECT_EQ(voxelsOf(reference_), voxelsOf(readOctomap(directory / "map.ot")));
+  EXPECT_TRUE(callWithPath<mapping_msgs::SaveMap>("save_map", directory.path("map.ot")).success);
+  EXPECT_EQ(voxelsOf(reference_), voxelsOf(readOctomap(directory.path("map.ot"))));
   ASSERT_TRUE(ros::service::call(name_ + "/reset", reset));
-  EXPECT_TRUE(callWithPath<mapping_msgs::LoadMap>("load_map", directory / "map.ot").success);
+  EXPECT_TRUE(callWithPath<mapping_msgs::LoadMap>("load_map", directory.path("map.ot")).success);
   EXPECT_EQ(voxelsOf(reference_), voxels());
 
   // The loaded map goes on.
@@ -385,14 +372,14 @@ TEST_F(MappingNodelet, SavesAndLoads) {
 }
 
 TEST_F(MappingNodelet, SavesAtTheEndAndStartsWithAMap) {
-  const TemporaryDirectory directory;
-  setParam("save_on_shutdown", directory / "map");
+  const mapping_common::TempDir directory;
+  setParam("save_on_shutdown", directory.path("map"));
   ASSERT_TRUE(load());
   buildMap();
   unload();
-  ASSERT_TRUE(waitFor([&] { return access((directory / "map").c_str(), F_OK) == 0; }));
+  ASSERT_TRUE(waitFor([&] { return access(directory.path("map").c_str(), F_OK) == 0; }));
   setParam("save_on_shutdown", std::string());
-  setParam("map_file", directory / "map");
+  setParam("map_file", directory.path("map"));
   ASSERT_TRUE(load());
   EXPECT_EQ(voxelsOf(reference_), voxels());
 }

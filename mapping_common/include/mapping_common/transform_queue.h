@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <ros/node_handle.h>
+#include <ros/subscriber.h>
 #include <std_msgs/Header.h>
-#include <tf2_ros/transform_listener.h>
+#include <tf2_msgs/TFMessage.h>
+#include <tf2_ros/buffer.h>
 
 #include <Eigen/Geometry>
 #include <cstdint>
@@ -75,6 +78,7 @@ class TransformQueue {
     std::vector<tf2::TransformableRequestHandle> requests;
   };
 
+  void hear(const tf2_msgs::TFMessage& message, bool is_static);
   void advance();
   void advance(Sequence& sequence, bool give_up = false);
   void forgetEmpty();
@@ -100,7 +104,8 @@ class TransformQueue {
   bool other_may_come_ = true;
   bool other_exists_ = false;
   std::string why_no_other_;
-  std::unique_ptr<tf2_ros::TransformListener> listener_;  // gone before the buffer that it feeds
+  ros::Time last_heard_;
+  std::vector<ros::Subscriber> listeners_;  // gone before the buffer that they feed
 };
 
 }  // namespace mapping_common
