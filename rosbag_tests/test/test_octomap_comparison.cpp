@@ -4,29 +4,23 @@
 #include <gtest/gtest.h>
 #include <mapping_common/testing/recordings.h>
 #include <mapping_simulation/posed_scan.h>
-#include <mapping_simulation/ros/simulation_bag.h>
 #include <mapping_simulation/simulator.h>
 #include <mapping_simulation/testing/worlds.h>
 #include <rosbag_tests/converters/scan_files.h>
 #include <rosbag_tests/evaluations/octomap_comparison.h>
-#include <sys/wait.h>
 
-#include <boost/property_tree/json_parser.hpp>
 #include <cmath>
-#include <cstdlib>
-#include <fstream>
 #include <functional>
-#include <iterator>
 #include <limits>
 #include <random>
 #include <sstream>
 
+#include "parse_json.h"
 #include "voxels.h"
 
 namespace rosbag_tests {
 
 using mapping_common::mentions;
-using mapping_common::TempDir;
 using mapping_simulation::configFile;
 using mapping_simulation::loadSensor;
 using mapping_simulation::loadTrajectory;
@@ -35,7 +29,6 @@ using mapping_simulation::PosedScan;
 using mapping_simulation::SensorConfig;
 using mapping_simulation::Simulation;
 using mapping_simulation::Sweep;
-using mapping_simulation::writeSimulationBag;
 
 namespace {
 
@@ -279,7 +272,13 @@ TEST(OctomapComparison, NoticesMapsThatDiffer) {
   EXPECT_GE(result.voxels[kFree][kOccupied], 17u * 17u);
   EXPECT_EQ(result.voxels_differing, result.voxels[kFree][kOccupied]);
   EXPECT_GE(result.log_odds_differing, result.voxels_differing);
-  std::ostringstream table;
+
+  OctomapComparison comparison({options});
+  comparison.probeEvery(1);
+  for (const PosedScan& scan : scans) comparison.insert(scan);
+  std::ostringstream probes, table;
+  comparison.writeProbes(probes);
+  EXPECT_TRUE(mentions(probes.str(), {"free,-1.99243021,occupied,"}));
   printTable(table, result, {options});
   EXPECT_TRUE(mentions(table.str(), {"free in OctoMap, occupied in the R-tree map: "}));
 }
@@ -363,14 +362,7 @@ INSTANTIATE_TEST_SUITE_P(Resolutions, RecordedScans, testing::Values(0.2, 0.5),
                          });
 
 // ---------------------------------------------------------------------------------------------------------
-// output and tool
-
-boost::property_tree::ptree parseJson(const std::string& text) {
-  boost::property_tree::ptree tree;
-  std::istringstream in(text);
-  boost::property_tree::read_json(in, tree);
-  return tree;
-}
+// output
 
 void expectMap(const boost::property_tree::ptree& json, const MapFigures& f) {
   EXPECT_EQ(json.size(), 6u);
@@ -410,164 +402,6 @@ TEST(Json, HasAllFigures) {
     expectMap(map.second.get_child("figures"), result.rtree[i]);
     ++i;
   }
-}
-
-/// Runs compare_octomap.
-class Tool : public testing::Test {
- protected:
-  Tool() {
-    // Scans 0 to 4 from the same place in a tube of 2 m radius.
-    std::vector<float> values;
-    for (int i = 0; i < 3000; ++i) {
-      const float a = 0.01f * static_cast<float>(i);
-      for (const float v : {2.0f * std::cos(a), 2.0f * std::sin(a), 0.1f * a, 0.5f}) values.push_back(v);
-    }
-    std::filesystem::create_directory(scans_);
-    std::string poses;
-    for (int i = 0; i < 5; ++i) {
-      dir_.write("scans/" + std::to_string(i) + ".bin",
-                 {reinterpret_cast<const char*>(values.data()), values.size() * sizeof(float)});
-      poses += std::to_string(i) + " 1 0 0 0.05 0 1 0 0.06 0 0 1 0.07\n";
-    }
-    dir_.write("scans/poses.txt", poses);
-  }
-
-  /// Gives the exit code and fills out_ and err_.
-  int run(const std::string& arguments) {
-    const std::string command =
-        std::string(COMPARE_OCTOMAP) + " " + arguments + " > " + dir_.path("out") + " 2> " + dir_.path("err");
-    const int status = std::system(command.c_str());
-    out_ = read("out");
-    err_ = read("err");
-    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-  }
-
-  std::string read(const std::string& name) const {
-    std::ifstream in(dir_.path(name));
-    return {std::istreambuf_iterator<char>(in), {}};
-  }
-
-  TempDir dir_;
-  std::string scans_ = dir_.path("scans"), out_, err_;
-};
-
-TEST_F(Tool, ExplainsItself) {
-  EXPECT_EQ(run("--help"), 0);
-  EXPECT_TRUE(mentions(out_, {"Usage: compare_octomap", "--scans", "--bag", "--json", "--max-range"}));
-  EXPECT_EQ(err_, "");
-}
-
-TEST_F(Tool, RefusesWrongUsage) {
-  const auto expect = [&](const std::string& arguments, const char* message) {
-    EXPECT_EQ(run(arguments), 2) << arguments;
-    EXPECT_TRUE(mentions(err_, {"compare_octomap: ", message})) << arguments;
-    EXPECT_EQ(out_, "") << arguments;
-  };
-  const std::string scans = "--scans " + scans_;
-  expect("", "either --scans or --bag is needed");
-  expect(scans + " --bag a.bag", "either --scans or --bag is needed");
-  expect(scans + " --colour red", "colour");
-  expect(scans + " --step 0", "--step must be at least 1");
-  expect(scans + " --step one", "step");
-  expect(scans + " --write-back-every 0", "--write-back-every must be at least 1");
-  expect(scans + " --threads -1", "threads is -1");
-  expect(scans + " --first 3 --last 2", "--last at least --first");
-  expect(scans + " --first -1", "--first must be at least 0");
-  expect(scans + " --model laser", "laser");
-  expect(scans + " --fusion some", "some");
-  expect(scans + " --split even", "even");
-  expect(scans + " --resolution 0", "resolution");
-  expect(scans + " --max-entries 1", "max_entries");
-  expect(scans + " --max-entries 16 --min-entries 9", "min_entries");
-  expect(scans + " --max-range -3", "--max-range is -3");
-}
-
-TEST_F(Tool, SaysWhichFileIsMissing) {
-  const auto expect = [&](const std::string& arguments, std::initializer_list<const char*> messages) {
-    EXPECT_EQ(run(arguments), 1) << arguments;
-    EXPECT_TRUE(mentions(err_, {"compare_octomap: "}));
-    EXPECT_TRUE(mentions(err_, messages)) << arguments;
-  };
-  const std::string scans = "--scans " + scans_;
-  expect("--scans /nowhere/scans", {"/nowhere/scans", "no such file"});
-  expect("--bag /nowhere/a.bag", {"/nowhere/a.bag"});
-  expect(scans + " --poses /nowhere/poses.txt", {"/nowhere/poses.txt: can't be read"});
-  expect(scans + " --first 5", {"there was no scan to insert"});
-  expect(scans + " --json /nowhere/a.json", {"/nowhere/a.json can't be written"});
-  expect(scans + " --save /nowhere/map", {"/nowhere/map"});
-}
-
-TEST_F(Tool, WritesFiguresAndMap) {
-  ASSERT_EQ(run("--scans " + scans_ + " --fusion equal thesis --max-entries 8 32 --json " +
-                dir_.path("a.json") + " --save " + dir_.path("map")),
-            0)
-      << err_;
-  const auto json = parseJson(read("a.json"));
-  EXPECT_FALSE(std::filesystem::exists(dir_.path("a.json.part")));
-  EXPECT_EQ(json.get<int>("scans"), 5);
-  EXPECT_EQ(json.get<int>("points"), 5 * 3000);
-  EXPECT_EQ(json.get_child("rtree_occupancy_maps").size(), 4u);
-  for (const char* map : {"octomap", "rtree_occupancy_map"}) {
-    const auto& figures = json.get_child(map);
-    for (const char* key : {"cells", "inner_nodes", "occupied_cells", "memory_bytes"})
-      EXPECT_GT(figures.get<long>(key), 0) << map << ' ' << key;
-    for (const char* key : {"insertion_ns_per_point", "occupied_access_s"})
-      EXPECT_GT(figures.get<double>(key), 0.0) << map << ' ' << key;
-  }
-  EXPECT_GT(json.get<long>("voxels_compared"), 1000);
-  EXPECT_EQ(json.get<long>("voxels_differing"), 0);
-  EXPECT_TRUE(mentions(out_, {"5 scans, 15,000 points, 0.2 m, beam model", "R-tree (equal, M 8)",
-                              "R-tree (thesis, M 32)", "of another class 0, of other log odds 0"}));
-  const auto map = rtree_occupancy_map::OccupancyMap::load(dir_.path("map"));
-  EXPECT_EQ(map.tree().size(), json.get<std::size_t>("rtree_occupancy_map.cells"));
-  EXPECT_EQ(map.options().tree.max_entries, 8);
-}
-
-// However often the cells go back into the tree and with as many threads as there are, the map is the same.
-TEST_F(Tool, WritesBackAndSharesOut) {
-  std::string first;
-  for (const char* how :
-       {"", " --write-back-every 1", " --write-back-every 100 --threads 2", " --threads 0"}) {
-    ASSERT_EQ(run("--scans " + scans_ + how + " --json " + dir_.path("a.json")), 0) << err_;
-    const auto json = parseJson(read("a.json"));
-    EXPECT_EQ(json.get<int>("voxels_differing"), 0);
-    EXPECT_EQ(json.get<int>("log_odds_differing"), 0);
-    const auto cells = json.get<std::string>("rtree_occupancy_map.cells");
-    if (first.empty()) first = cells;
-    EXPECT_EQ(cells, first) << how;
-  }
-}
-
-TEST_F(Tool, TakesTheScansAskedFor) {
-  const auto scans = [&](const std::string& arguments) {
-    EXPECT_EQ(run("--scans " + scans_ + " --json " + dir_.path("a.json") + " " + arguments), 0) << err_;
-    return parseJson(read("a.json")).get<int>("scans");
-  };
-  EXPECT_EQ(scans("--first 1"), 4);
-  EXPECT_EQ(scans("--last 1"), 2);
-  EXPECT_EQ(scans("--first 1 --last 1"), 1);
-  EXPECT_EQ(scans("--step 2"), 3);
-  EXPECT_EQ(scans("--first 1 --last 4 --step 3"), 2);
-}
-
-TEST_F(Tool, ReadsBags) {
-  const std::string world = configFile("worlds/room_8x5.yaml"), bag = dir_.path("a.bag");
-  writeSimulationBag(bag, {loadWorld(world),
-                           loadTrajectory(world),
-                           {makeVlp16(90), loadSensor(configFile("simulator/hokuyo_utm30lx.yaml"))},
-                           0.35,
-                           1});
-  EXPECT_EQ(run("--bag " + bag), 1);
-  EXPECT_TRUE(mentions(err_, {"expected one topic", "/velodyne_points", "/scan"}));
-  ASSERT_EQ(run("--bag " + bag + " --cloud /velodyne_points --model endpoint --json " + dir_.path("a.json")),
-            0)
-      << err_;
-  const auto json = parseJson(read("a.json"));
-  EXPECT_EQ(json.get<int>("scans"), 3);
-  EXPECT_EQ(json.get<std::string>("model"), "endpoint");
-  EXPECT_EQ(json.get<int>("voxels_differing"), 0);
-  EXPECT_EQ(run("--bag " + bag + " --cloud /velodyne_points --fixed-frame moon"), 1);
-  EXPECT_TRUE(mentions(err_, {"left out: 3 scans without a pose", "there was no scan to insert"}));
 }
 
 }  // namespace

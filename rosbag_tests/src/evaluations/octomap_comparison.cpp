@@ -23,6 +23,15 @@ using rtree_occupancy_map::SensorModel;
 
 constexpr int kAccessPasses = 7;
 constexpr int kOctomapOrigin = 32768;  // OctoMap's key of voxel 0
+constexpr int kProbesOfBeam = 4;
+
+enum { kUnknown, kFree, kOccupied };  // as in ComparisonResult::voxels
+constexpr const char* kClass[3] = {"unknown", "free", "occupied"};
+
+octomap::OcTreeKey keyOf(const rtree_occupancy_map::Voxel& v) {
+  const auto key = [](int c) { return static_cast<octomap::key_type>(c + kOctomapOrigin); };
+  return {key(v[0]), key(v[1]), key(v[2])};
+}
 
 // Processor time of this thread, which other processes don't stretch, or elapsed time.
 class Stopwatch {
@@ -132,8 +141,42 @@ void OctomapComparison::insert(const PosedScan& posed) {
       map_seconds_[i] += watch.seconds();
     }
   }
+  keepProbes(scan);
   ++scans_;
   points_ += scan.hits.size();
+}
+
+void OctomapComparison::keepProbes(const Scan& scan) {
+  if (probe_every_ == 0) return;
+  const double resolution = maps_[0].options().resolution;
+  for (std::size_t i = 0; i < scan.hits.size(); i += probe_every_) {
+    for (int k = 1; k <= kProbesOfBeam; ++k) {
+      const Eigen::Vector3d along = (scan.hits[i] - scan.origin).cast<double>() * k / kProbesOfBeam;
+      const Eigen::Array3d at = ((scan.origin.cast<double>() + along) / resolution).array().floor();
+      if ((at < rtree_occupancy_map::kMinVoxel).any() || (at >= rtree_occupancy_map::kMaxVoxel).any())
+        continue;
+      probes_.insert({static_cast<int>(at.x()), static_cast<int>(at.y()), static_cast<int>(at.z())});
+    }
+  }
+}
+
+void OctomapComparison::writeProbes(std::ostream& out) const {
+  const OccupancyMap& map = maps_[0];
+  out << "x,y,z,octomap_state,octomap_log_odds,rtree_state,rtree_log_odds\n" << std::setprecision(9);
+  const auto write = [&out](bool known, bool occupied, float log_odds) {
+    out << ',' << kClass[!known ? kUnknown : occupied ? kOccupied : kFree] << ',';
+    if (known) out << log_odds;
+  };
+  for (const rtree_occupancy_map::Voxel& voxel : probes_) {
+    const Eigen::Vector3d center = map.center(rtree_occupancy_map::VoxelBox::unit(voxel));
+    out << center.x() << ',' << center.y() << ',' << center.z();
+    const octomap::OcTreeNode* node = octree_.search(keyOf(voxel));
+    write(node != nullptr, node != nullptr && octree_.isNodeOccupied(*node),
+          node != nullptr ? node->getLogOdds() : 0.0F);
+    const auto cell = map.cellAt(voxel);
+    write(cell.has_value(), cell && map.isOccupied(*cell), cell ? cell->log_odds : 0.0F);
+    out << '\n';
+  }
 }
 
 void OctomapComparison::measureAccess(ComparisonResult& result) const {
@@ -174,7 +217,6 @@ void OctomapComparison::measureAccess(ComparisonResult& result) const {
 // OctoMap is searched for each voxel of the R-tree map. What it knows beyond those, the R-tree map doesn't
 // know.
 void OctomapComparison::compareVoxels(ComparisonResult& result) const {
-  enum { kUnknown, kFree, kOccupied };
   const OccupancyMap& map = maps_[0];
   std::size_t in_octomap[3] = {};
   for (auto leaf = octree_.begin_leafs(); leaf != octree_.end_leafs(); ++leaf) {
@@ -186,8 +228,7 @@ void OctomapComparison::compareVoxels(ComparisonResult& result) const {
     for (int x = cell.box.min[0]; x < cell.box.max[0]; ++x) {
       for (int y = cell.box.min[1]; y < cell.box.max[1]; ++y) {
         for (int z = cell.box.min[2]; z < cell.box.max[2]; ++z) {
-          const auto key = [](int c) { return static_cast<octomap::key_type>(c + kOctomapOrigin); };
-          const octomap::OcTreeNode* node = octree_.search(octomap::OcTreeKey(key(x), key(y), key(z)));
+          const octomap::OcTreeNode* node = octree_.search(keyOf({x, y, z}));
           const int theirs = node == nullptr ? kUnknown : octree_.isNodeOccupied(*node) ? kOccupied : kFree;
           ++result.voxels[theirs][ours];
           --in_octomap[theirs];
@@ -318,7 +359,6 @@ void printTable(std::ostream& out, const ComparisonResult& r, const std::vector<
   // The same updates give the same log odds, so a voxel can differ only where the two step a beam past an
   // edge or a corner on different sides: seldom, and it shows here as pairs of known and unknown or as single
   // classes.
-  static const char* const kClass[3] = {"unknown", "free", "occupied"};
   for (int theirs = 0; theirs < 3; ++theirs) {
     for (int ours = 0; ours < 3; ++ours) {
       if (theirs == ours || r.voxels[theirs][ours] == 0) continue;

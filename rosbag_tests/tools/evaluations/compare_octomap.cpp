@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
 // OctoMap and the R-tree occupancy map side by side, on a folder of scans or a bag.
+#include <mapping_common/files.h>
 #include <mapping_common/tool.h>
 #include <rosbag_tests/converters/bag_scans.h>
 #include <rosbag_tests/converters/scan_files.h>
@@ -8,8 +9,6 @@
 #include <rtree_occupancy_map/ros/map_formats.h>
 
 #include <boost/program_options.hpp>
-#include <cstdio>
-#include <fstream>
 #include <iostream>
 #include <limits>
 #include <stdexcept>
@@ -30,10 +29,10 @@ const char kUsage[] =
     "cells, nodes, access time, memory, and the class of every voxel.\n";
 
 struct Arguments {
-  std::string scans, poses, bag, json, save;
+  std::string scans, poses, bag, json, save, dump;
   rosbag_tests::BagScansOptions bag_options;
   std::vector<Options> options;
-  long first = 0, last = std::numeric_limits<long>::max(), step = 1, write_back_every = 5;
+  long first = 0, last = std::numeric_limits<long>::max(), step = 1, write_back_every = 5, dump_every = 100;
 };
 
 /// False if help was asked for and printed. Throws po::error or std::invalid_argument for wrong usage.
@@ -71,6 +70,10 @@ bool parse(int argc, char** argv, Arguments& a) {
       "bring all cells of the R-tree up to date every N scans, within the measured time");
   o.threads = 1;
   addOption(all, "threads", o, "threads");
+  add("dump", po::value(&a.dump),
+      "write a CSV file of voxels along the beams with what both maps say of them: x, y, z, state, log odds");
+  add("dump-every", po::value(&a.dump_every)->default_value(a.dump_every),
+      "of each N-th beam: its end and three voxels on its way, each voxel once");
   add("json", po::value(&a.json), "write the figures to this file");
   add("save", po::value(&a.save), "save the (first) R-tree map to this file: .map, .bt, .ot, .pcd or .pgm");
   po::variables_map values;
@@ -86,6 +89,7 @@ bool parse(int argc, char** argv, Arguments& a) {
   rtree_occupancy_map::formatOf(a.save);
   if (a.step < 1) throw po::error("--step must be at least 1");
   if (a.write_back_every < 1) throw po::error("--write-back-every must be at least 1");
+  if (a.dump_every < 1) throw po::error("--dump-every must be at least 1");
   if (a.first < 0 || a.last < a.first) throw po::error("--first must be at least 0, --last at least --first");
   mapping_common::OptionList options = mapping_common::optionsOf(o);
   for (const std::string& rule : fusion) {
@@ -110,6 +114,7 @@ void compare(const Arguments& a) {
     source = std::move(bag_source);
   }
   rosbag_tests::OctomapComparison comparison(a.options, static_cast<std::size_t>(a.write_back_every));
+  if (!a.dump.empty()) comparison.probeEvery(static_cast<std::size_t>(a.dump_every));
   mapping_simulation::PosedScan scan;
   std::size_t inserted = 0;
   for (long i = 0; i <= a.last && source->next(scan); ++i) {
@@ -127,13 +132,11 @@ void compare(const Arguments& a) {
   if (!a.save.empty()) rtree_occupancy_map::writeMap(comparison.map(0), a.save);
   const rosbag_tests::ComparisonResult result = comparison.finish();
   rosbag_tests::printTable(std::cout, result, a.options);
-  if (a.json.empty()) return;
-  const std::string part = a.json + ".part";
-  std::ofstream json(part);
-  rosbag_tests::printJson(json, result, a.options);
-  json.close();
-  if (!json || std::rename(part.c_str(), a.json.c_str()) != 0)
-    throw std::runtime_error(a.json + " can't be written");
+  const auto write = [](const std::string& path, const auto& writeTo) {
+    if (!path.empty()) mapping_common::writeFile(path, writeTo);
+  };
+  write(a.json, [&](std::ostream& out) { rosbag_tests::printJson(out, result, a.options); });
+  write(a.dump, [&](std::ostream& out) { comparison.writeProbes(out); });
 }
 
 }  // namespace

@@ -11,6 +11,7 @@
 #include <cstddef>
 #include <iosfwd>
 #include <memory>
+#include <set>
 #include <vector>
 
 #include "rtree_occupancy_map/occupancy_map.h"
@@ -54,12 +55,20 @@ class OctomapComparison {
   /// out.
   void insert(const mapping_simulation::PosedScan& scan);
 
+  /// From each n-th beam of the scans to come keeps its end and three voxels on its way as probes; 0: none.
+  void probeEvery(std::size_t beams) { probe_every_ = beams; }
+  /// What OctoMap and the first R-tree map say of each probe, as CSV with a header: centre of the voxel (x,
+  /// y, z, m, map frame), state (unknown, free, occupied) and log odds of either, empty where it is unknown.
+  /// Each voxel once.
+  void writeProbes(std::ostream& out) const;
+
   /// Measures the access and compares. No scan may follow.
   ComparisonResult finish();
 
   const rtree_occupancy_map::OccupancyMap& map(std::size_t i) const { return maps_[i]; }
 
  private:
+  void keepProbes(const rtree_occupancy_map::Scan& scan);
   void insertIntoOctomap(const octomap::Pointcloud& cloud, const octomap::point3d& origin);
   void measureAccess(ComparisonResult& result) const;
   void compareVoxels(ComparisonResult& result) const;
@@ -70,6 +79,8 @@ class OctomapComparison {
   std::size_t scans_ = 0, points_ = 0;
   double octomap_seconds_ = 0.0;
   std::vector<double> map_seconds_;
+  std::size_t probe_every_ = 0;
+  std::set<rtree_occupancy_map::Voxel> probes_;
 };
 
 /// The table for the terminal; the ratio's direction is in its heading.
