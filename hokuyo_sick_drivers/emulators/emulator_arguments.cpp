@@ -6,7 +6,6 @@
 
 #include <boost/program_options.hpp>
 #include <cmath>
-#include <iostream>
 #include <sstream>
 #include <stdexcept>
 
@@ -43,13 +42,6 @@ FaultOptions::Moment parseMoment(const std::string& text) {
 }
 
 }  // namespace
-
-std::vector<std::string> withoutRosArguments(int argc, char** argv) {
-  std::vector<std::string> arguments;
-  ros::removeROSArgs(argc, argv, arguments);
-  arguments.erase(arguments.begin());
-  return arguments;
-}
 
 Nanoseconds toNanoseconds(double seconds) {
   return std::llround(seconds * kSecond);
@@ -151,19 +143,6 @@ std::shared_ptr<ScanSource> CommonArguments::makeSource(int argc, char** argv,
     throw std::runtime_error("no roscore at " + ros::master::getURI() + "; --topic without --bag needs one");
   }
   return std::make_shared<TopicSource>(topic_, multi_echo_);
-}
-
-int runProgram(const std::string& name, void (*run)(int argc, char** argv), int argc, char** argv) {
-  try {
-    run(argc, argv);
-    return 0;
-  } catch (const po::error& e) {
-    std::cerr << name << ": " << e.what() << "\nSee " << name << " --help\n";
-    return 2;
-  } catch (const std::exception& e) {
-    std::cerr << name << ": " << e.what() << '\n';
-    return 1;
-  }
 }
 
 }  // namespace device_emulators

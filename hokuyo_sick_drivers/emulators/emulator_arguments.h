@@ -14,9 +14,6 @@
 
 namespace device_emulators {
 
-/// Arguments without those that ROS understands, which roslaunch adds.
-std::vector<std::string> withoutRosArguments(int argc, char** argv);
-
 Nanoseconds toNanoseconds(double seconds);
 
 class CommonArguments {
@@ -43,8 +40,5 @@ class CommonArguments {
   std::vector<std::string> moments_;
   double silence_ = 1.0, stall_ = 0.3, outage_ = 0.5;
 };
-
-/// Runs a program; what it throws is printed. @return its exit status
-int runProgram(const std::string& name, void (*run)(int argc, char** argv), int argc, char** argv);
 
 }  // namespace device_emulators

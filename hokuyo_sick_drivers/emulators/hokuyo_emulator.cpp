@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <mapping_common/tool.h>
 #include <ros/init.h>
 
 #include <boost/program_options.hpp>
-#include <iostream>
 #include <memory>
 #include <optional>
 #include <string>
@@ -25,6 +25,7 @@ const char kUsage[] =
 
 struct Arguments {
   CommonArguments common;
+  std::shared_ptr<ScanSource> source;
   HokuyoOptions options;
   std::string pty, address = "127.0.0.1";
   int tcp = 0;
@@ -65,15 +66,10 @@ bool parse(int argc, char** argv, Arguments& a) {
       "from the source's intensities to those sent");
   a.common.addTo(all);
 
-  po::variables_map values;
-  po::store(po::command_line_parser(withoutRosArguments(argc, argv)).options(all).run(), values);
-  if (values.count("help")) {
-    std::cout << kUsage << '\n' << all;
-    return false;
-  }
-  po::notify(values);
-  if ((values.count("tcp") > 0) == (values.count("pty") > 0)) throw po::error("give one of --tcp and --pty");
-  if (values.count("tcp") && (a.tcp < 1 || a.tcp > 65535)) throw po::error("--tcp must be from 1 to 65535");
+  const auto given = mapping_common::parseArguments(argc, argv, kUsage, all);
+  if (!given) return false;
+  if ((given->count("tcp") > 0) == (given->count("pty") > 0)) throw po::error("give one of --tcp and --pty");
+  if (given->count("tcp") && (a.tcp < 1 || a.tcp > 65535)) throw po::error("--tcp must be from 1 to 65535");
   if (!(start_ms >= 0.0 && start_ms < 1 << 24)) throw po::error("--start-ms must be in [0, 16777216)");
   if (!(std::abs(o.drift_ppm) <= 1e5)) throw po::error("--drift-ppm must be from -100000 to 100000");
   if (o.line.baud_rate < 0 || (o.line.baud_rate > 0 && a.pty.empty())) {
@@ -84,15 +80,14 @@ bool parse(int argc, char** argv, Arguments& a) {
   o.model.intensity_scale = intensity_scale;
   o.start_ms = static_cast<std::uint32_t>(start_ms);
   o.stop_on_close = a.pty.empty() && !keep_streaming;
-  a.common.apply(values, o);
+  a.common.apply(*given, o);
+  a.source = a.common.makeSource(argc, argv, "hokuyo_emulator");
   return true;
 }
 
-void run(int argc, char** argv) {
-  Arguments a;
-  if (!parse(argc, argv, a)) return;
+void run(const Arguments& a) {
   RunOptions options;
-  HokuyoDevice device(a.options, a.common.makeSource(argc, argv, "hokuyo_emulator"));
+  HokuyoDevice device(a.options, a.source);
   if (a.common.needsRos()) options.poll = [] { ros::spinOnce(); };
   std::optional<TruthLog> truth;
   if (!a.common.truth().empty()) options.truth = &truth.emplace(a.common.truth());
@@ -110,5 +105,6 @@ void run(int argc, char** argv) {
 }  // namespace device_emulators
 
 int main(int argc, char** argv) {
-  return device_emulators::runProgram("hokuyo_emulator", device_emulators::run, argc, argv);
+  return mapping_common::runTool(argc, argv, "hokuyo_emulator", device_emulators::kUsage,
+                                 device_emulators::parse, device_emulators::run);
 }

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <mapping_common/tool.h>
 #include <ros/init.h>
 
 #include <boost/program_options.hpp>
@@ -24,6 +25,7 @@ const char kUsage[] =
 
 struct Arguments {
   CommonArguments common;
+  std::shared_ptr<ScanSource> source;
   SickOptions options;
   std::string pty;
   bool ignore_baud = false;
@@ -75,13 +77,8 @@ bool parse(int argc, char** argv, Arguments& a) {
       "from the source's intensities to those sent");
   a.common.addTo(all);
 
-  po::variables_map values;
-  po::store(po::command_line_parser(withoutRosArguments(argc, argv)).options(all).run(), values);
-  if (values.count("help")) {
-    std::cout << kUsage << '\n' << all;
-    return false;
-  }
-  po::notify(values);
+  const auto given = mapping_common::parseArguments(argc, argv, kUsage, all);
+  if (!given) return false;
   for (const int baud : {o.line.baud_rate, o.power_up_baud_rate}) {
     if (baud != 9600 && baud != 19200 && baud != 38400 && baud != 500000)
       throw po::error("--baud and --power-up-baud must be 9600, 19200, 38400 or 500000");
@@ -99,16 +96,15 @@ bool parse(int argc, char** argv, Arguments& a) {
   setDelay("mode-delay-ms", mode, o.mode_delay);
   setDelay("configure-delay-ms", configure, o.configure_delay);
   setDelay("byte-gap-ms", gap, o.byte_gap);
-  a.common.apply(values, o);
+  a.common.apply(*given, o);
+  a.source = a.common.makeSource(argc, argv, "sick_emulator");
   return true;
 }
 
-void run(int argc, char** argv) {
-  Arguments a;
-  if (!parse(argc, argv, a)) return;
+void run(const Arguments& a) {
   RunOptions options;
   options.check_baud_rate = !a.ignore_baud;
-  SickDevice device(a.options, a.common.makeSource(argc, argv, "sick_emulator"));
+  SickDevice device(a.options, a.source);
   if (a.common.needsRos()) options.poll = [] { ros::spinOnce(); };
   std::optional<TruthLog> truth;
   if (!a.common.truth().empty()) options.truth = &truth.emplace(a.common.truth());
@@ -122,5 +118,6 @@ void run(int argc, char** argv) {
 }  // namespace device_emulators
 
 int main(int argc, char** argv) {
-  return device_emulators::runProgram("sick_emulator", device_emulators::run, argc, argv);
+  return mapping_common::runTool(argc, argv, "sick_emulator", device_emulators::kUsage,
+                                 device_emulators::parse, device_emulators::run);
 }

@@ -4,7 +4,6 @@
 #include <dynamic_reconfigure/Reconfigure.h>
 #include <gtest/gtest.h>
 #include <mapping_common/testing/nodelet_test.h>
-#include <rosgraph_msgs/Log.h>
 #include <sensor_msgs/LaserScan.h>
 
 #include <string>
@@ -18,20 +17,6 @@ class SickNodelet : public mapping_common::NodeletTest {
     setParam("port", std::string("/dev/there_is_no_such_port"));
   }
 
-  // What the nodelet said when it didn't start.
-  std::string whyNotLoaded() {
-    mapping_common::Recorder<rosgraph_msgs::Log> log(node_, "/rosout");
-    mapping_common::spinFor(0.5);  // to be connected
-    std::string text;
-    EXPECT_FALSE(load());
-    EXPECT_TRUE(mapping_common::waitFor([&] {
-      for (const auto& message : log.messages) {
-        if (message.level == rosgraph_msgs::Log::FATAL && message.name == "/manager") text = message.msg;
-      }
-      return !text.empty();
-    }));
-    return text;
-  }
   void expectRefused(const std::string& what) {
     const std::string why = whyNotLoaded();
     EXPECT_NE(std::string::npos, why.find(what)) << why;

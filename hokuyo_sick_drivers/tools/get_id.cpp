@@ -38,20 +38,12 @@ struct Arguments {
 };
 
 bool parse(int argc, char** argv, Arguments& a) {
-  po::options_description options("Options"), all;
+  po::options_description options("Options"), unnamed;
   options.add_options()("help,h", "print this");
   options.add_options()("patience", po::value(&a.patience)->default_value(a.patience, "10"),
                         "s after which it gives up");
-  all.add(options).add_options()("port", po::value(&a.port)->required())("quiet", po::value(&a.quiet));
-  po::positional_options_description positions;
-  positions.add("port", 1).add("quiet", 1);
-  po::variables_map values;
-  po::store(po::command_line_parser(argc, argv).options(all).positional(positions).run(), values);
-  if (values.count("help")) {
-    std::cout << kUsage << options;
-    return false;
-  }
-  po::notify(values);
+  unnamed.add_options()("port", po::value(&a.port)->required())("quiet", po::value(&a.quiet));
+  if (!mapping_common::parseArguments(argc, argv, kUsage, options, unnamed)) return false;
   const std::size_t colon = a.port.rfind(':');
   if (a.port.find('/') != std::string::npos || colon == std::string::npos) {
     a.endpoint = {"", 0, a.port, 115200};

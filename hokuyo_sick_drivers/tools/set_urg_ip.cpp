@@ -33,24 +33,16 @@ struct Arguments {
 };
 
 bool parse(int argc, char** argv, Arguments& a) {
-  po::options_description options("Options"), all;
+  po::options_description options("Options"), unnamed;
   auto add = options.add_options();
   add("help,h", "print this");
   add("nm", po::value(&a.wanted.netmask)->default_value(a.wanted.netmask), "its new netmask");
   add("ip", po::value(&a.endpoint.host)->default_value(a.endpoint.host), "its address now");
   add("port", po::value(&a.endpoint.tcp_port)->default_value(a.endpoint.tcp_port), "its TCP port");
   add("patience", po::value(&a.patience)->default_value(a.patience, "10"), "s after which it gives up");
-  all.add(options).add_options()("new_ip", po::value(&a.wanted.address)->required())(
+  unnamed.add_options()("new_ip", po::value(&a.wanted.address)->required())(
       "new_gw", po::value(&a.wanted.gateway)->required());
-  po::positional_options_description positions;
-  positions.add("new_ip", 1).add("new_gw", 1);
-  po::variables_map values;
-  po::store(po::command_line_parser(argc, argv).options(all).positional(positions).run(), values);
-  if (values.count("help")) {
-    std::cout << kUsage << options;
-    return false;
-  }
-  po::notify(values);
+  if (!mapping_common::parseArguments(argc, argv, kUsage, options, unnamed)) return false;
   try {
     a.wanted.command();
   } catch (const std::invalid_argument& e) {

@@ -77,11 +77,14 @@ class Progress {
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now(), shown_ = start_;
 };
 
+const char kUsage[] =
+    "Usage: zf_convert IN OUT.pcd|OUT.bag\n"
+    "Converts scans of E57, PTX, PTS or ASC files. Several scans become OUT_1.pcd, OUT_2.pcd ... or messages "
+    "of "
+    "one bag.\n";
+
 po::options_description describe(Arguments& a) {
-  po::options_description options(
-      "Usage: zf_convert IN OUT.pcd|OUT.bag\n"
-      "Converts scans of E57, PTX, PTS or ASC files. Several scans become OUT_1.pcd, "
-      "OUT_2.pcd ... or messages of one bag.\nOptions");
+  po::options_description options("Options");
   options.add_options()("help,h", "this text")                                                       //
       ("list,l", po::bool_switch(&a.list), "only say what is in the file")                           //
       ("scan", po::value(&a.scan)->default_value(a.scan), "which: a number from 1, a name, or all")  //
@@ -216,24 +219,10 @@ void convert(Arguments& a) {
 int run(int argc, char** argv) {
   Arguments arguments;
   const po::options_description options = describe(arguments);
-  po::options_description all;
-  all.add(options).add_options()("in", po::value(&arguments.in))("out", po::value(&arguments.out));
-  po::positional_options_description positions;
-  positions.add("in", 1).add("out", 1);
+  po::options_description unnamed;
+  unnamed.add_options()("in", po::value(&arguments.in))("out", po::value(&arguments.out));
   try {
-    po::variables_map values;
-    // Offsets and limits may be negative: no short options are guessed from them.
-    po::store(po::command_line_parser(argc, argv)
-                  .options(all)
-                  .positional(positions)
-                  .style(po::command_line_style::default_style & ~po::command_line_style::allow_guessing)
-                  .run(),
-              values);
-    po::notify(values);
-    if (values.count("help")) {
-      std::cout << options;
-      return kDone;
-    }
+    if (!mapping_common::parseArguments(argc, argv, kUsage, options, unnamed)) return kDone;
     if (arguments.in.empty()) throw UsageError("IN is missing");
     convert(arguments);
     return kDone;

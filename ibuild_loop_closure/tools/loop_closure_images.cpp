@@ -344,13 +344,7 @@ bool parse(int argc, char** argv, Arguments& a) {
       ("save", po::value(&a.save), "where the vocabulary goes to")
       ("threads", po::value(&a.threads)->default_value(1), "that OpenCV may use");
   // clang-format on
-  po::variables_map values;
-  po::store(po::parse_command_line(argc, argv, options), values);
-  if (values.count("help") > 0) {
-    std::cout << kUsage << options;
-    return false;
-  }
-  po::notify(values);
+  if (!mapping_common::parseArguments(argc, argv, kUsage, options)) return false;
   const std::vector<std::string> methods = {"full", "thesis", "thesis+grouping", "thesis+geometry"};
   if (std::find(methods.begin(), methods.end(), a.method) == methods.end())
     throw std::invalid_argument("--method is " + a.method +

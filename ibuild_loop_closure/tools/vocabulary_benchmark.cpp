@@ -92,14 +92,7 @@ bool parse(int argc, char** argv, Arguments& a) {
   // clang-format on
   for (const char* name : {"links", "insert_breadth", "search_breadth"})
     mapping_common::addOption(options, name, a.index, name);
-  po::variables_map values;
-  po::store(po::parse_command_line(argc, argv, options), values);
-  po::notify(values);
-  if (values.count("help") > 0) {
-    std::cout << kUsage << options;
-    return false;
-  }
-  return true;
+  return mapping_common::parseArguments(argc, argv, kUsage, options).has_value();
 }
 
 void run(const Arguments& a) {

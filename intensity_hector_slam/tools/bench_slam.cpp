@@ -8,7 +8,6 @@
 #include <boost/program_options.hpp>
 #include <cstdio>
 #include <ctime>
-#include <iostream>
 #include <vector>
 
 #include "../test/flat_world.h"
@@ -88,11 +87,7 @@ bool parse(int argc, char** argv, Arguments& a) {
   add("cost", po::value(&a.cost), (all_costs + "; by default the configuration's").c_str());
   add("config", po::value(&a.config),
       "YAML file with the nodelet's parameters; by default 3 levels of 25 mm");
-  po::variables_map values;
-  po::store(po::command_line_parser(argc, argv).options(all).run(), values);
-  po::notify(values);
-  if (values.count("help") > 0) std::cout << kUsage << all;
-  return values.count("help") == 0;
+  return mapping_common::parseArguments(argc, argv, kUsage, all).has_value();
 }
 
 void run(const Arguments& a) {

@@ -45,14 +45,7 @@ bool parse(int argc, char** argv, Arguments& a) {
       "factor on intensities; by default the configuration's");
   add("config", po::value(&a.config), "YAML file with the nodelet's parameters");
   add("out", po::value(&a.out)->required(), "folder for the results, made where it isn't there");
-  po::variables_map values;
-  po::store(po::command_line_parser(argc, argv).options(all).run(), values);
-  if (values.count("help")) {
-    std::cout << kUsage << '\n' << all;
-    return false;
-  }
-  po::notify(values);
-  return true;
+  return mapping_common::parseArguments(argc, argv, kUsage, all).has_value();
 }
 
 SlamParameters readParameters(const Arguments& a) {

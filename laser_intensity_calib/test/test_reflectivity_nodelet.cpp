@@ -7,7 +7,6 @@
 #include <mapping_common/testing/message_fuzz.h>
 #include <mapping_common/testing/nodelet_test.h>
 #include <mapping_common/testing/temp_dir.h>
-#include <rosgraph_msgs/Log.h>
 #include <std_srvs/Trigger.h>
 
 #include <atomic>
@@ -75,23 +74,6 @@ class ReflectivityNodelet : public mapping_common::NodeletTest {
       if (std::isnan(result[i])) continue;
       ASSERT_NEAR(expected[i], result[i], 1e-4 * expected[i]) << i;
     }
-  }
-
-  // What the nodelet said when it didn't start.
-  std::string whyNotLoaded() {
-    Recorder<rosgraph_msgs::Log> log(node_, "/rosout");
-    std::string text;
-    const auto said = [&] {
-      for (const auto& message : log.messages) {
-        if (message.level == rosgraph_msgs::Log::FATAL && message.name == "/manager") text = message.msg;
-      }
-      return !text.empty();
-    };
-    spinFor(0.5);  // to be connected
-    log.messages.clear();
-    EXPECT_FALSE(load());
-    EXPECT_TRUE(waitFor(said));
-    return text;
   }
 
   std_srvs::Trigger::Response reload() {

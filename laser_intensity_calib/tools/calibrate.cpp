@@ -106,15 +106,7 @@ bool parse(int argc, char** argv, Arguments& a) {
     addOption(fit, name, a.fit, name);
   po::options_description all;
   all.add(main).add(region).add(normals).add(fit);
-  po::variables_map values;
-  using namespace po::command_line_style;
-  po::store(po::command_line_parser(argc, argv).options(all).style(unix_style ^ allow_guessing).run(),
-            values);
-  if (values.count("help")) {
-    std::cout << kUsage << all;
-    return false;
-  }
-  po::notify(values);
+  if (!mapping_common::parseArguments(argc, argv, kUsage, all)) return false;
   a.samples.cloud.max_error = a.samples.scan.max_error;
   readRegion(beams, box, a.samples.region);
   mapping_common::validate(a.samples);

@@ -69,15 +69,10 @@ bool parse(int argc, char** argv, Arguments& a) {
   add("rotation-noise", po::value(&o.odometry_noise.rotation)->default_value(0.0, "0"),
       "drift of the odometry (rad per square root of a metre, or of a radian turned)");
   add("no-map-tf", po::bool_switch(&a.no_map_tf), "leave map -> odom to a SLAM node");
-  po::variables_map values;
-  po::store(po::command_line_parser(argc, argv).options(all).run(), values);
-  if (values.count("help")) {
-    std::cout << kUsage << '\n' << all;
-    return false;
-  }
-  po::notify(values);
+  const auto given = mapping_common::parseArguments(argc, argv, kUsage, all);
+  if (!given) return false;
   if (a.out.empty() && a.images.empty()) throw po::error("give --out, --images or both");
-  if (values.count("duration") && !(a.duration > 0.0 && a.duration < 1e7)) {
+  if (given->count("duration") && !(a.duration > 0.0 && a.duration < 1e7)) {
     throw po::error("--duration must be in (0, 1e7) s");
   }
   if (!(o.odometry_noise.translation >= 0.0 && o.odometry_noise.rotation >= 0.0)) {

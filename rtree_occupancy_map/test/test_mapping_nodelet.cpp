@@ -44,23 +44,6 @@ class MappingNodelet : public NodeletTest {
     }
   }
 
-  // What the nodelet said when it didn't start.
-  std::string whyNotLoaded() {
-    Recorder<rosgraph_msgs::Log> log(node_, "/rosout");
-    std::string text;
-    const auto said = [&] {
-      for (const auto& message : log.messages) {
-        if (message.level == rosgraph_msgs::Log::FATAL && message.name == "/manager") text = message.msg;
-      }
-      return !text.empty();
-    };
-    spinFor(0.5);  // to be connected
-    log.messages.clear();
-    EXPECT_FALSE(load());
-    EXPECT_TRUE(waitFor(said));
-    return text;
-  }
-
   template <class Service>
   typename Service::Response callWithPath(const std::string& service, const std::string& path) {
     Service call;

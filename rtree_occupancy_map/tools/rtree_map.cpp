@@ -59,7 +59,7 @@ Eigen::Isometry3d takeTransform(std::vector<std::string>& words) {
 bool parse(int argc, char** argv, Arguments& a) {
   a.projection.occupancy_max_size = 20000;
   Options map;
-  po::options_description visible("Options"), all;
+  po::options_description visible("Options"), unnamed;
   auto add = visible.add_options();
   add("help,h", "print this");
   add("resolution", po::value(&a.resolution),
@@ -73,23 +73,11 @@ bool parse(int argc, char** argv, Arguments& a) {
   std::vector<std::string> words(argv + 1, argv + argc), files;
   a.transform = takeTransform(words);
   const bool has_transform = static_cast<int>(words.size()) + 1 < argc;
-  all.add(visible).add_options()("files", po::value(&files));
-  po::positional_options_description positional;
-  positional.add("files", -1);
-  po::variables_map values;
-  po::store(po::command_line_parser(words)
-                .options(all)
-                .positional(positional)
-                .style(po::command_line_style::unix_style ^ po::command_line_style::allow_guessing)
-                .run(),
-            values);
-  if (values.count("help") > 0) {
-    std::cout << kUsage << '\n' << visible;
-    return false;
-  }
-  po::notify(values);
+  unnamed.add_options()("files", po::value(&files)->composing());
+  const auto given = mapping_common::parseArguments(words, kUsage, visible, unnamed);
+  if (!given) return false;
   mapping_common::validate(a.projection, "--");
-  if (values.count("resolution") > 0) {
+  if (given->count("resolution") > 0) {
     map.resolution = a.resolution;
     mapping_common::validate(map, "--");
   }

@@ -5,9 +5,9 @@
 
 #include <algorithm>
 #include <boost/program_options.hpp>
-#include <cstring>
 #include <exception>
 #include <iostream>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -39,8 +39,47 @@ void addOption(boost::program_options::options_description& arguments, std::stri
       option.help().c_str());
 }
 
-/// The main function of a command-line tool. What roslaunch adds to the command line (NAME:=VALUE) is left
-/// out.
+/// Parses a tool's command line into the variables of its options, whose names can't be abbreviated. What
+/// roslaunch adds (NAME:=VALUE) is left out.
+/// @param usage printed before the options where --help asks for them
+/// @param unnamed arguments that stand by themselves, in their order; a composing one takes all that are left
+/// @return what was given; none where help was printed. @throws boost::program_options::error
+inline std::optional<boost::program_options::variables_map> parseArguments(
+    std::vector<std::string> words, const std::string& usage,
+    const boost::program_options::options_description& options,
+    const boost::program_options::options_description& unnamed = {}) {
+  namespace po = boost::program_options;
+  const auto of_ros = [](const std::string& word) { return word.find(":=") != std::string::npos; };
+  words.erase(std::remove_if(words.begin(), words.end(), of_ros), words.end());
+  po::positional_options_description positions;
+  for (const auto& option : unnamed.options())
+    positions.add(option->long_name().c_str(), option->semantic()->is_composing() ? -1 : 1);
+  po::options_description all;
+  all.add(options).add(unnamed);
+  using namespace po::command_line_style;
+  po::variables_map values;
+  po::store(po::command_line_parser(words)
+                .options(all)
+                .positional(positions)
+                .style(unix_style ^ allow_guessing)
+                .run(),
+            values);
+  if (values.count("help") > 0) {
+    std::cout << usage << '\n' << options;
+    return std::nullopt;
+  }
+  po::notify(values);
+  return values;
+}
+
+inline std::optional<boost::program_options::variables_map> parseArguments(
+    int argc, char** argv, const std::string& usage,
+    const boost::program_options::options_description& options,
+    const boost::program_options::options_description& unnamed = {}) {
+  return parseArguments(std::vector<std::string>(argv + 1, argv + argc), usage, options, unnamed);
+}
+
+/// The main function of a command-line tool.
 /// @param usage printed where the usage is wrong
 /// @param parse fills the arguments; false where help was asked for and printed; throws
 ///   boost::program_options::error or std::invalid_argument for wrong usage
@@ -48,17 +87,13 @@ void addOption(boost::program_options::options_description& arguments, std::stri
 template <class Arguments>
 int runTool(int argc, char** argv, const std::string& name, const std::string& usage,
             bool (*parse)(int, char**, Arguments&), void (*run)(const Arguments&)) {
-  std::vector<char*> words;
-  for (int i = 0; i < argc; ++i) {
-    if (std::strstr(argv[i], ":=") == nullptr) words.push_back(argv[i]);
-  }
   const auto wrong_usage = [&](const std::exception& e) {
     std::cerr << name << ": " << e.what() << "\n\n" << usage << "See " << name << " --help\n";
     return 2;
   };
   Arguments arguments;
   try {
-    if (!parse(static_cast<int>(words.size()), words.data(), arguments)) return 0;
+    if (!parse(argc, argv, arguments)) return 0;
   } catch (const boost::program_options::error& e) {
     return wrong_usage(e);
   } catch (const std::invalid_argument& e) {

@@ -2,6 +2,7 @@
 #include <mapping_simulation/posed_scan.h>
 #include <mapping_simulation/ros/conversions.h>
 #include <mapping_simulation/ros/simulation_bag.h>
+#include <mapping_simulation/ros/stamped.h>
 #include <nav_msgs/Odometry.h>
 #include <rosbag/bag.h>
 #include <rosgraph_msgs/Clock.h>
@@ -17,22 +18,6 @@
 
 namespace mapping_simulation {
 namespace {
-
-std_msgs::Header makeHeader(double stamp, const std::string& frame) {
-  std_msgs::Header header;
-  header.stamp = ros::Time(stamp);
-  header.frame_id = frame;
-  return header;
-}
-
-geometry_msgs::TransformStamped makeTransform(double stamp, const std::string& parent,
-                                              const std::string& child, const Eigen::Isometry3d& pose) {
-  geometry_msgs::TransformStamped transform;
-  transform.header = makeHeader(stamp, parent);
-  transform.child_frame_id = child;
-  transform.transform = toTransform(pose);
-  return transform;
-}
 
 geometry_msgs::Vector3 makeVector(const Eigen::Vector3d& v) {
   geometry_msgs::Vector3 message;
@@ -78,17 +63,11 @@ class Recorder {
         options_(options),
         odometry_(driftingOdometry(simulation.trajectory, options.odometry_noise, options.odometry_rate,
                                    simulation.duration, simulation.seed)) {
-    auto latched = boost::make_shared<ros::M_string>();
-    (*latched)["type"] = ros::message_traits::datatype<tf2_msgs::TFMessage>();
-    (*latched)["md5sum"] = ros::message_traits::md5sum<tf2_msgs::TFMessage>();
-    (*latched)["message_definition"] = ros::message_traits::definition<tf2_msgs::TFMessage>();
-    (*latched)["latching"] = "1";
-    tf2_msgs::TFMessage mounts;
-    for (const SensorConfig& sensor : simulation.sensors) {
-      mounts.transforms.push_back(
-          makeTransform(options.start_time, "base_link", sensor.frame_id, sensor.mount));
-    }
-    bag.write("/tf_static", ros::Time(options.start_time), mounts, latched);
+    const ros::Time start(options.start_time);
+    std::vector<geometry_msgs::TransformStamped> mounts;
+    for (const SensorConfig& sensor : simulation.sensors)
+      mounts.push_back(makeTransform(start, "base_link", sensor.frame_id, sensor.mount));
+    writeStaticTransforms(bag, start, mounts);
   }
 
   // `elapsed`: s since the start.
@@ -117,12 +96,13 @@ class Recorder {
     if (sensor.type == SensorConfig::Type::kPlanar) {
       bag_.write("/" + sensor.topic, receipt, toLaserScan(toPlanarScan(sensor, sweep), sensor.frame_id));
     } else if (sensor.type == SensorConfig::Type::kCamera) {
-      const std_msgs::Header header = makeHeader(sweep.stamp, sensor.frame_id);
+      const std_msgs::Header header = makeHeader(ros::Time(sweep.stamp), sensor.frame_id);
       bag_.write("/" + infoTopic(sensor), receipt, toCameraInfo(sensor.camera, header));
       bag_.write("/" + sensor.topic, receipt, toImage(sweep.image, header));
     } else {
       bag_.write("/" + sensor.topic, receipt,
-                 toPointCloud2(toPosedScan(sensor, sweep).cloud, makeHeader(sweep.stamp, sensor.frame_id)));
+                 toPointCloud2(toPosedScan(sensor, sweep).cloud,
+                               makeHeader(ros::Time(sweep.stamp), sensor.frame_id)));
     }
   }
 
@@ -132,8 +112,8 @@ class Recorder {
     const Eigen::Isometry3d truth = simulation_.trajectory.at(time), odom = odometry_.at(time);
     tf2_msgs::TFMessage tf;
     if (options_.map_to_odom)
-      tf.transforms.push_back(makeTransform(stamp, "map", "odom", truth * odom.inverse()));
-    tf.transforms.push_back(makeTransform(stamp, "odom", "base_link", odom));
+      tf.transforms.push_back(makeTransform(ros::Time(stamp), "map", "odom", truth * odom.inverse()));
+    tf.transforms.push_back(makeTransform(ros::Time(stamp), "odom", "base_link", odom));
     bag_.write("/tf", ros::Time(stamp), tf);
     writeOdometry("/odom", "odom", stamp, odometry_, time);
     writeOdometry("/ground_truth", "map", stamp, simulation_.trajectory, time);
@@ -145,7 +125,7 @@ class Recorder {
     const Eigen::Isometry3d pose = trajectory.at(time), motion = pose.inverse() * trajectory.at(time + step);
     const Eigen::AngleAxisd turn(motion.linear());
     nav_msgs::Odometry message;
-    message.header = makeHeader(stamp, frame);
+    message.header = makeHeader(ros::Time(stamp), frame);
     message.child_frame_id = "base_link";
     message.pose.pose = toPose(pose);
     message.twist.twist.linear = makeVector(motion.translation() / step);
@@ -215,7 +195,7 @@ sensor_msgs::CameraInfo toCameraInfo(const CameraModel& camera, const std_msgs::
 
 sensor_msgs::LaserScan toLaserScan(const PlanarScan& scan, const std::string& frame_id) {
   sensor_msgs::LaserScan message;
-  message.header = makeHeader(scan.stamp, frame_id);
+  message.header = makeHeader(ros::Time(scan.stamp), frame_id);
   message.angle_min = static_cast<float>(scan.angle_min);
   message.angle_max = static_cast<float>(scan.angle_max);
   message.angle_increment = static_cast<float>(scan.angle_increment);

@@ -2,6 +2,7 @@
 #include <mapping_common/files.h>
 #include <mapping_simulation/ros/conversions.h>
 #include <mapping_simulation/ros/simulation_bag.h>
+#include <mapping_simulation/ros/stamped.h>
 #include <nav_msgs/Odometry.h>
 #include <rosbag/bag.h>
 #include <rosbag_tests/converters/carmen_bag.h>
@@ -18,11 +19,13 @@
 
 namespace rosbag_tests {
 
+using mapping_simulation::makeHeader;
+using mapping_simulation::makeTransform;
 using mapping_simulation::PlanarScan;
 using mapping_simulation::TimedPose;
 using mapping_simulation::toLaserScan;
 using mapping_simulation::toPose;
-using mapping_simulation::toTransform;
+using mapping_simulation::writeStaticTransforms;
 using mapping_simulation::writeTum;
 
 namespace {
@@ -63,51 +66,31 @@ std::vector<double> loggedStamps(const CarmenLog& log, Stamps clock, std::size_t
   return stamps;
 }
 
-std_msgs::Header makeHeader(double stamp, const std::string& frame) {
-  std_msgs::Header header;
-  header.stamp = ros::Time(stamp);
-  header.frame_id = frame;
-  return header;
-}
-
-geometry_msgs::TransformStamped makeTransform(double stamp, const std::string& parent,
-                                              const std::string& child, const Eigen::Isometry3d& pose) {
-  geometry_msgs::TransformStamped transform;
-  transform.header = makeHeader(stamp, parent);
-  transform.child_frame_id = child;
-  transform.transform = toTransform(pose);
-  return transform;
-}
-
 class Writer {
  public:
   Writer(const std::string& file, const CarmenLog& log, const CarmenBagOptions& options)
       : options_(options), bag_(file, rosbag::bagmode::Write), log_(log) {}
 
   void writeMounts(double stamp) {
-    tf2_msgs::TFMessage mounts;
+    std::vector<geometry_msgs::TransformStamped> mounts;
     for (const Kind kind : {Kind::kFrontScan, Kind::kRearScan}) {
       for (const CarmenRecord& record : log_.records) {
         if (record.kind != kind) continue;
-        mounts.transforms.push_back(
-            makeTransform(stamp, options_.base_frame, options_.laser_frame + suffix(kind), log_.mount(kind)));
+        mounts.push_back(makeTransform(ros::Time(stamp), options_.base_frame,
+                                       options_.laser_frame + suffix(kind), log_.mount(kind)));
         break;
       }
     }
-    auto latched = boost::make_shared<ros::M_string>();
-    (*latched)["type"] = ros::message_traits::datatype<tf2_msgs::TFMessage>();
-    (*latched)["md5sum"] = ros::message_traits::md5sum<tf2_msgs::TFMessage>();
-    (*latched)["message_definition"] = ros::message_traits::definition<tf2_msgs::TFMessage>();
-    (*latched)["latching"] = "1";
-    bag_.write("/tf_static", ros::Time(stamp), mounts, latched);
+    writeStaticTransforms(bag_, ros::Time(stamp), mounts);
   }
 
   void writeOdometry(const CarmenRecord& record, double stamp) {
     tf2_msgs::TFMessage tf;
-    tf.transforms.push_back(makeTransform(stamp, options_.odom_frame, options_.base_frame, record.robot));
+    tf.transforms.push_back(
+        makeTransform(ros::Time(stamp), options_.odom_frame, options_.base_frame, record.robot));
     bag_.write("/tf", ros::Time(stamp), tf);
     nav_msgs::Odometry message;
-    message.header = makeHeader(stamp, options_.odom_frame);
+    message.header = makeHeader(ros::Time(stamp), options_.odom_frame);
     message.child_frame_id = options_.base_frame;
     message.pose.pose = toPose(record.robot);
     message.twist.twist.linear.x = record.linear_velocity;

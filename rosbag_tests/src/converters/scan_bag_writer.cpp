@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <geometry_msgs/PoseStamped.h>
-#include <geometry_msgs/TransformStamped.h>
 #include <mapping_simulation/ros/conversions.h>
+#include <mapping_simulation/ros/stamped.h>
 #include <rosbag_tests/converters/scan_bag_writer.h>
 #include <rosgraph_msgs/Clock.h>
 #include <tf2_msgs/TFMessage.h>
@@ -14,42 +14,18 @@
 
 namespace rosbag_tests {
 
+using mapping_simulation::makeHeader;
+using mapping_simulation::makeTransform;
 using mapping_simulation::PosedScan;
 using mapping_simulation::toPointCloud2;
 using mapping_simulation::toPose;
-using mapping_simulation::toTransform;
+using mapping_simulation::writeStaticTransforms;
 
 namespace {
 
 const ros::Duration kLead(1.0);           // of /clock before the first scan and after the last
 const ros::Duration kTick(0, 10000000);   // 100 Hz
 const ros::Duration kMargin(0, 1000000);  // of /tf around a scan
-
-std_msgs::Header header(const ros::Time& stamp, const std::string& frame) {
-  std_msgs::Header header;
-  header.stamp = stamp;
-  header.frame_id = frame;
-  return header;
-}
-
-geometry_msgs::TransformStamped stamped(const ros::Time& stamp, const std::string& parent,
-                                        const std::string& child, const Eigen::Isometry3d& pose) {
-  geometry_msgs::TransformStamped transform;
-  transform.header = header(stamp, parent);
-  transform.child_frame_id = child;
-  transform.transform = toTransform(pose);
-  return transform;
-}
-
-/// What makes a player of the bag latch the topic.
-boost::shared_ptr<ros::M_string> latchedHeader() {
-  auto header = boost::make_shared<ros::M_string>();
-  (*header)["type"] = ros::message_traits::datatype<tf2_msgs::TFMessage>();
-  (*header)["md5sum"] = ros::message_traits::md5sum<tf2_msgs::TFMessage>();
-  (*header)["message_definition"] = ros::message_traits::definition<tf2_msgs::TFMessage>();
-  (*header)["latching"] = "1";
-  return header;
-}
 
 std::string absolute(const std::string& topic) {
   return topic.rfind('/', 0) == 0 ? topic : "/" + topic;
@@ -92,11 +68,11 @@ void ScanBagWriter::write(const PosedScan& scan) {
   writeClock(stamp);
   writeTransforms(stamp - kMargin, {stamp - kMargin, stamp, stamp + kMargin}, base);
   geometry_msgs::PoseStamped truth;
-  truth.header = header(stamp, options_.map_frame);
+  truth.header = makeHeader(stamp, options_.map_frame);
   truth.pose = toPose(base);
   bag_.write(absolute(options_.pose_topic), stamp, truth);
   bag_.write(absolute(options_.cloud_topic), stamp,
-             toPointCloud2(scan.cloud, header(stamp, options_.sensor_frame)));
+             toPointCloud2(scan.cloud, makeHeader(stamp, options_.sensor_frame)));
   last_stamp_ = stamp;
 }
 
@@ -109,10 +85,8 @@ void ScanBagWriter::close() {
 
 void ScanBagWriter::start(const ros::Time& time, const Eigen::Isometry3d& base) {
   next_clock_ = time;
-  tf2_msgs::TFMessage mount;
-  mount.transforms.push_back(
-      stamped(time, options_.base_frame, options_.sensor_frame, options_.base_to_sensor));
-  bag_.write("/tf_static", time, mount, latchedHeader());
+  writeStaticTransforms(
+      bag_, time, {makeTransform(time, options_.base_frame, options_.sensor_frame, options_.base_to_sensor)});
   writeTransforms(time, {time}, base);
 }
 
@@ -121,9 +95,9 @@ void ScanBagWriter::writeTransforms(const ros::Time& time, const std::vector<ros
   tf2_msgs::TFMessage message;
   for (const ros::Time& stamp : stamps) {
     message.transforms.push_back(
-        stamped(stamp, options_.map_frame, options_.odom_frame, options_.map_to_odom));
-    message.transforms.push_back(
-        stamped(stamp, options_.odom_frame, options_.base_frame, options_.map_to_odom.inverse() * base));
+        makeTransform(stamp, options_.map_frame, options_.odom_frame, options_.map_to_odom));
+    message.transforms.push_back(makeTransform(stamp, options_.odom_frame, options_.base_frame,
+                                               options_.map_to_odom.inverse() * base));
   }
   bag_.write("/tf", time, message);
 }

@@ -56,28 +56,21 @@ bool parse(int argc, char** argv, Arguments& a) {
       "readings from here on (m) are no return");
   add("angle-min", po::value(&a.angle_min), "of the first reading (deg); by default as CARMEN has it");
   add("angle-increment", po::value(&a.angle_increment), "between readings (deg)");
-  po::options_description all;
-  all.add(visible).add_options()("log", po::value(&a.log))("bag", po::value(&a.bag));
-  po::positional_options_description positional;
-  positional.add("log", 1).add("bag", 1);
-  po::variables_map values;
-  po::store(po::command_line_parser(argc, argv).options(all).positional(positional).run(), values);
-  if (values.count("help")) {
-    std::cout << kUsage << '\n' << visible;
-    return false;
-  }
-  po::notify(values);
+  po::options_description unnamed;
+  unnamed.add_options()("log", po::value(&a.log))("bag", po::value(&a.bag));
+  const auto given = mapping_common::parseArguments(argc, argv, kUsage, visible, unnamed);
+  if (!given) return false;
   if (a.log.empty() || a.bag.empty()) throw po::error("IN.clf and OUT.bag are needed");
   if (a.clock != "ipc" && a.clock != "logger" && a.clock != "none")
     throw po::error("--clock must be ipc, logger or none");
-  if ((a.clock == "none") != (values.count("rate") == 1))
+  if ((a.clock == "none") != (given->count("rate") == 1))
     throw po::error("--rate goes with --clock none, and --clock none with --rate");
-  if (values.count("rate") && !(w.rate > 0.0 && w.rate <= 1000.0))
+  if (given->count("rate") && !(w.rate > 0.0 && w.rate <= 1000.0))
     throw po::error("--rate must be in (0, 1000] Hz");
   if (a.odometry != "scans" && a.odometry != "lines") throw po::error("--odometry must be scans or lines");
-  if (values.count("angle-min") != values.count("angle-increment"))
+  if (given->count("angle-min") != given->count("angle-increment"))
     throw po::error("--angle-min and --angle-increment go together");
-  if (values.count("angle-increment") && a.angle_increment == 0.0)
+  if (given->count("angle-increment") && a.angle_increment == 0.0)
     throw po::error("--angle-increment must not be 0");
   if (!(a.read.range_max > 0.0)) throw po::error("--range-max must be positive");
   a.read.angle_min = a.angle_min * M_PI / 180.0;

@@ -51,20 +51,13 @@ bool parse(int argc, char** argv, Arguments& a) {
   add("first", po::value(&a.first)->default_value(a.first), "index of the first scan, from 0");
   add("last", po::value(&a.last), "index of the last scan; by default the last there is");
   add("step", po::value(&a.step)->default_value(a.step), "take each N-th scan");
-  po::options_description all;
-  all.add(visible).add_options()("scans", po::value(&a.scans))("bag", po::value(&a.bag));
-  po::positional_options_description positional;
-  positional.add("scans", 1).add("bag", 1);
-  po::variables_map values;
-  po::store(po::command_line_parser(argc, argv).options(all).positional(positional).run(), values);
-  if (values.count("help")) {
-    std::cout << kUsage << '\n' << visible;
-    return false;
-  }
-  po::notify(values);
+  po::options_description unnamed;
+  unnamed.add_options()("scans", po::value(&a.scans))("bag", po::value(&a.bag));
+  const auto given = mapping_common::parseArguments(argc, argv, kUsage, visible, unnamed);
+  if (!given) return false;
   if (a.scans.empty() || a.bag.empty()) throw po::error("SCANS and OUT.bag are needed");
   if (a.pcd_frame != "map" && a.pcd_frame != "sensor") throw po::error("--pcd-frame must be map or sensor");
-  if (values.count("rate") && !(a.rate > 0.0 && a.rate < 500.0))
+  if (given->count("rate") && !(a.rate > 0.0 && a.rate < 500.0))
     throw po::error("--rate must be in (0, 500) Hz");
   if (a.step < 1) throw po::error("--step must be at least 1");
   if (a.first < 0 || a.last < a.first) throw po::error("--first must be at least 0, --last at least --first");

@@ -76,15 +76,8 @@ bool parse(int argc, char** argv, Arguments& a) {
       "of each N-th beam: its end and three voxels on its way, each voxel once");
   add("json", po::value(&a.json), "write the figures to this file");
   add("save", po::value(&a.save), "save the (first) R-tree map to this file: .map, .bt, .ot, .pcd or .pgm");
-  po::variables_map values;
-  po::store(po::parse_command_line(
-                argc, argv, all, po::command_line_style::unix_style ^ po::command_line_style::allow_guessing),
-            values);
-  if (values.count("help")) {
-    std::cout << kUsage << '\n' << all;
-    return false;
-  }
-  po::notify(values);
+  const auto given = mapping_common::parseArguments(argc, argv, kUsage, all);
+  if (!given) return false;
   if (a.scans.empty() == a.bag.empty()) throw po::error("either --scans or --bag is needed");
   rtree_occupancy_map::formatOf(a.save);
   if (a.step < 1) throw po::error("--step must be at least 1");
@@ -96,7 +89,7 @@ bool parse(int argc, char** argv, Arguments& a) {
     for (const int m : max_entries) {
       options.find("fusion/rule")->set(rule);
       o.tree.max_entries = m;
-      o.tree.min_entries = values.count("min-entries") ? min_entries : std::max(1, 2 * m / 5);
+      o.tree.min_entries = given->count("min-entries") ? min_entries : std::max(1, 2 * m / 5);
       a.options.push_back(mapping_common::validate(o));
     }
   }
@@ -142,18 +135,5 @@ void compare(const Arguments& a) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  Arguments arguments;
-  try {
-    if (parse(argc, argv, arguments)) compare(arguments);
-    return 0;
-  } catch (const po::error& e) {
-    std::cerr << "compare_octomap: " << e.what() << "\n\n" << kUsage << "See compare_octomap --help\n";
-    return 2;
-  } catch (const std::invalid_argument& e) {
-    std::cerr << "compare_octomap: " << e.what() << "\n";
-    return 2;
-  } catch (const std::exception& e) {
-    std::cerr << "\ncompare_octomap: " << e.what() << '\n';
-    return 1;
-  }
+  return mapping_common::runTool(argc, argv, "compare_octomap", kUsage, parse, compare);
 }

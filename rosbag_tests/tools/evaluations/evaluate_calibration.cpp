@@ -86,15 +86,7 @@ bool parse(int argc, char** argv, Arguments& a) {
     mapping_common::addOption(all, name, a.fit, name);
   for (const char* name : {"neighbors", "radius", "leaf"})
     mapping_common::addOption(all, name, a.cloud, name);
-  po::variables_map values;
-  po::store(po::parse_command_line(
-                argc, argv, all, po::command_line_style::unix_style ^ po::command_line_style::allow_guessing),
-            values);
-  if (values.count("help")) {
-    std::cout << kUsage << '\n' << all;
-    return false;
-  }
-  po::notify(values);
+  if (!mapping_common::parseArguments(argc, argv, kUsage, all)) return false;
   if ((a.world.empty() ? 0 : 1) + (a.bag.empty() ? 0 : 1) + (a.scans.empty() ? 0 : 1) != 1) {
     throw po::error("one of --world, --bag and --scans is needed");
   }

@@ -81,20 +81,13 @@ bool parse(int argc, char** argv, Arguments& a) {
       "and the estimated ways (.tum), errors (.json) and what was seen from the true way "
       "(SCENARIO-seen.csv); "
       "plot_evaluation.py draws them");
-  po::options_description all;
-  all.add(visible).add_options()("scenario", po::value(&a.scenarios));
-  po::positional_options_description positional;
-  positional.add("scenario", -1);
-  po::variables_map values;
-  po::store(po::command_line_parser(argc, argv).options(all).positional(positional).run(), values);
-  if (values.count("help")) {
-    std::cout << kUsage << '\n' << visible;
-    return false;
-  }
-  po::notify(values);
+  po::options_description unnamed;
+  unnamed.add_options()("scenario", po::value(&a.scenarios)->composing());
+  const auto given = mapping_common::parseArguments(argc, argv, kUsage, visible, unnamed);
+  if (!given) return false;
   if (a.scenarios.empty()) throw po::error("a SCENARIO.yaml is needed");
   if (a.seeds < 1 || a.jobs < 1) throw po::error("--seeds and --jobs must be at least 1");
-  if (values.count("duration") && !(a.duration > 0.0)) throw po::error("--duration must be positive");
+  if (given->count("duration") && !(a.duration > 0.0)) throw po::error("--duration must be positive");
   if (!(a.criterion.distance > 0.0 && a.lost_angle > 0.0))
     throw po::error("--lost-distance and --lost-angle must be positive");
   if (!(a.reflectivity_scale > 0.0)) throw po::error("--reflectivity-scale must be positive");

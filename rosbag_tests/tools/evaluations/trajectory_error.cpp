@@ -46,13 +46,7 @@ bool parse(int argc, char** argv, Arguments& a) {
   add("max-gap", po::value(&a.max_gap)->default_value(a.max_gap),
       "the reference is interpolated between poses that are at most so far apart (s)");
   add("json", po::value(&a.json), "write the figures and each pose's error to this file");
-  po::variables_map values;
-  po::store(po::command_line_parser(argc, argv).options(all).run(), values);
-  if (values.count("help")) {
-    std::cout << kUsage << '\n' << all;
-    return false;
-  }
-  po::notify(values);
+  if (!mapping_common::parseArguments(argc, argv, kUsage, all)) return false;
   if (a.align != "none" && a.align != "first" && a.align != "rigid")
     throw po::error("--align must be none, first or rigid");
   if (!(a.max_gap >= 0.0)) throw po::error("--max-gap must not be negative");

@@ -10,6 +10,7 @@
 #include <nodelet/NodeletLoad.h>
 #include <nodelet/NodeletUnload.h>
 #include <ros/ros.h>
+#include <rosgraph_msgs/Log.h>
 
 #include <functional>
 #include <string>
@@ -83,6 +84,22 @@ class NodeletTest : public ::testing::Test {
     unload.request.name = name_;
     if (loaded_) ros::service::call("/manager/unload_nodelet", unload);
     loaded_ = false;
+  }
+
+  /// Loads the nodelet, which has to fail. @return what the manager's last fatal message said
+  std::string whyNotLoaded() {
+    Recorder<rosgraph_msgs::Log> log(node_, "/rosout");
+    spinFor(0.5);  // to be connected, and past what was said before
+    log.messages.clear();
+    EXPECT_FALSE(load());
+    std::string text;
+    EXPECT_TRUE(waitFor([&] {
+      for (const rosgraph_msgs::Log& message : log.messages) {
+        if (message.level == rosgraph_msgs::Log::FATAL && message.name == "/manager") text = message.msg;
+      }
+      return !text.empty();
+    }));
+    return text;
   }
 
   /// The latest value of the nodelet's diagnostics, empty before there is any.
