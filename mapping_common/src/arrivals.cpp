@@ -77,19 +77,21 @@ bool Arrivals::accept(const std::string& sensor, const std::string& label, const
 }
 
 void Arrivals::add(const std::string& sensor, const std_msgs::Header& header, TransformQueue::Ready process,
-                   bool with_other) {
+                   bool with_other, const SweepTimes& sweep) {
   try {
     // Guarded, as it may be called out of tf's callback, which has more to do.
-    queue_.add(sensor + ' ' + header.frame_id, header, with_other,
-               [this, process = std::move(process)](const Transforms& transforms) {
-                 guard_->run([&] {
-                   try {
-                     process(transforms);
-                   } catch (const std::invalid_argument& e) {
-                     drops_.add(kMalformed, e.what());
-                   }
-                 });
-               });
+    queue_.add(
+        sensor + ' ' + header.frame_id, header, with_other,
+        [this, process = std::move(process)](const Transforms& transforms) {
+          guard_->run([&] {
+            try {
+              process(transforms);
+            } catch (const std::invalid_argument& e) {
+              drops_.add(kMalformed, e.what());
+            }
+          });
+        },
+        sweep);
   } catch (const std::invalid_argument& e) {
     drops_.add(kMalformed, e.what());
   }

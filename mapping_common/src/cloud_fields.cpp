@@ -10,15 +10,15 @@ namespace {
 using sensor_msgs::PointField;
 
 template <class T>
-float loadAs(const std::uint8_t* data) {
+double loadAs(const std::uint8_t* data) {
   T value;
   std::memcpy(&value, data, sizeof(value));
-  return static_cast<float>(value);
+  return static_cast<double>(value);
 }
 
 }  // namespace
 
-CloudField::CloudField(const PointField& field) : offset_(field.offset) {
+CloudField::CloudField(const PointField& field) : offset_(field.offset), type_(field.datatype) {
   const auto is = [this](auto value) {
     size_ = sizeof(value);
     load_ = loadAs<decltype(value)>;

@@ -5,6 +5,20 @@ namespace mapping_common {
 
 using XmlRpc::XmlRpcValue;
 
+namespace {
+
+// A list of strings as one, with "; " between them.
+OptionValue joined(XmlRpcValue& list) {
+  std::string text;
+  for (int i = 0; i < list.size(); ++i) {
+    if (list[i].getType() != XmlRpcValue::TypeString) return std::monostate();
+    text += (i > 0 ? "; " : "") + static_cast<std::string&>(list[i]);
+  }
+  return text;
+}
+
+}  // namespace
+
 Parameters::Parameters(XmlRpcValue all) {
   if (all.getType() == XmlRpcValue::TypeStruct) flatten("", all);
 }
@@ -28,6 +42,9 @@ void Parameters::flatten(const std::string& prefix, XmlRpcValue& value) {
         break;
       case XmlRpcValue::TypeString:
         to = static_cast<std::string&>(member);
+        break;
+      case XmlRpcValue::TypeArray:
+        to = joined(member);
         break;
       default:
         to = std::monostate();

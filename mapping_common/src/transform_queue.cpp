@@ -50,12 +50,15 @@ TransformQueue::~TransformQueue() {
 }
 
 void TransformQueue::add(const std::string& sensor, const std_msgs::Header& header, bool with_other,
-                         Ready ready) {
+                         Ready ready, const SweepTimes& sweep) {
   if (!options_.target_frame.empty() && withoutSlash(header.frame_id).empty())
     throw std::invalid_argument("it has no frame_id");
+  const double before = std::max(0.0, -sweep.first), after = std::max(0.0, sweep.last);
+  if (before + after > 0.0 && before >= header.stamp.toSec())
+    throw std::invalid_argument("its stamp is 0, which tells no moment of its sweep");
   Sequence& sequence = sequences_[sensor];
-  sequence.items.push_back(
-      {header, with_other && !options_.other_target.empty(), arrivals_++, std::move(ready)});
+  sequence.items.push_back({header, header.stamp - ros::Duration(before), header.stamp + ros::Duration(after),
+                            with_other && !options_.other_target.empty(), arrivals_++, std::move(ready)});
   sequence.newest = std::max(sequence.newest, header.stamp);
   ++waiting_;
   advance(sequence);
@@ -150,20 +153,22 @@ TransformQueue::Sequence& TransformQueue::oldest() {
       ->second;
 }
 
-bool TransformQueue::isKnown(const std::string& target, const std::string& source, const ros::Time& stamp,
+bool TransformQueue::isKnown(const std::string& target, const std::string& source, const Item& item,
                              std::string* why) const {
-  if (!buffer_.canTransform(target, source, stamp, why)) return false;
-  return options_.tolerance == 0.0 || stamp.isZero() ||
-         buffer_.canTransform(target, source, stamp + ros::Duration(options_.tolerance), why);
+  const ros::Time& stamp = item.header.stamp;
+  if (stamp.isZero()) return buffer_.canTransform(target, source, stamp, why);
+  const ros::Time last = item.last + ros::Duration(options_.tolerance);
+  return buffer_.canTransform(target, source, item.first, why) &&
+         (last == item.first || buffer_.canTransform(target, source, last, why));
 }
 
 bool TransformQueue::knowsFrame(const Item& item, std::string* why) const {
   const std::string frame = withoutSlash(item.header.frame_id);
-  return frame == options_.target_frame || isKnown(options_.target_frame, frame, item.header.stamp, why);
+  return frame == options_.target_frame || isKnown(options_.target_frame, frame, item, why);
 }
 
 bool TransformQueue::knowsOther(const Item& item, std::string* why) const {
-  return isKnown(options_.other_target, options_.other_source, item.header.stamp, why);
+  return isKnown(options_.other_target, options_.other_source, item, why);
 }
 
 TransformQueue::Transforms TransformQueue::lookup(const Item& item, bool other) const {
@@ -201,9 +206,9 @@ bool TransformQueue::expectsOther(const ros::Time& stamp) const {
 void TransformQueue::wakeUpWith(Sequence& sequence, const std::string& target, const std::string& source) {
   for (const auto request : std::exchange(sequence.requests, {})) buffer_.cancelTransformableRequest(request);
   for (const Item* item : {&sequence.items.front(), &sequence.items.back()}) {
-    const ros::Time stamp = item->header.stamp;
+    const bool any = item->header.stamp.isZero();
     sequence.requests.push_back(buffer_.addTransformableRequest(
-        callback_, target, source, stamp.isZero() ? stamp : stamp + ros::Duration(options_.tolerance)));
+        callback_, target, source, any ? ros::Time(0) : item->last + ros::Duration(options_.tolerance)));
   }
 }
 

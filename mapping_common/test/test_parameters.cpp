@@ -53,6 +53,18 @@ TEST(Parameters, AreRead) {
   EXPECT_EQ(40, options.rate);
 }
 
+TEST(Parameters, ListsOfStringsAreOneString) {
+  auto all = make();
+  all["name"].clear();
+  all["name"][0] = std::string("front/points");
+  all["name"][1] = std::string("rear/points");
+  Options options;
+  Parameters(all).read(options);
+  EXPECT_EQ("front/points; rear/points", options.name);
+  all["name"][1] = 3;
+  EXPECT_NE(std::string::npos, rejection(all).find("name is a list"));
+}
+
 TEST(Parameters, AreRejectedByName) {
   auto all = make();
   all["rate"] = 60;

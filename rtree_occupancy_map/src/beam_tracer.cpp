@@ -19,12 +19,15 @@ constexpr double kGuard = 1.0 + 1e-9;                     // well above the roun
 
 }  // namespace
 
-void BeamTracer::start(const Eigen::Vector3f& origin) {
-  origin_ = origin;
-  toVoxel(origin, 1.0 / resolution_, origin_voxel_);
+void BeamTracer::start() {
   index_.clear();
   slots_.clear();
   used_planes_ = 0;
+}
+
+void BeamTracer::setOrigin(const Eigen::Vector3f& origin) {
+  origin_ = origin;
+  toVoxel(origin, 1.0 / resolution_, origin_voxel_);
   origin_slot_ = slotOf(OccupancyMap::blockOf(origin_voxel_));
 }
 

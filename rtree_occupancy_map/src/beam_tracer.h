@@ -29,8 +29,10 @@ class BeamTracer {
   /// @param resolution m
   explicit BeamTracer(double resolution) : resolution_(resolution) {}
 
-  /// Begins a new scan whose beams start at `origin` (m), inside of the map's coordinates.
-  void start(const Eigen::Vector3f& origin);
+  /// Begins a new scan.
+  void start();
+  /// From now on beams start at `origin` (m), inside of the map's coordinates.
+  void setOrigin(const Eigen::Vector3f& origin);
   /// Marks the voxels from the origin's to the one before the end.
   void trace(const Beam& beam);
 

@@ -77,12 +77,19 @@ const RTree& OccupancyMap::treeWhere(const std::function<bool(const VoxelBox&)>&
 // Section 2.5.1: which voxels the scan occupies and which it frees, and for 2.5.2 which cells may expand.
 void OccupancyMap::rasterize(const Scan& scan, InsertReport& report) {
   Insertion& in = *insertion_;
-  in.raster.start(scan.origin);
+  in.raster.start();
+  in.raster.setOrigin(scan.origin);
   in.reflectivity.clear();
   in.selected.clear();
   const bool beams = options_.sensor_model == SensorModel::kBeam;
   const bool expands = options_.fusion_strategy == FusionStrategy::kExpansion;
   const double inverse = 1.0 / options_.resolution;
+  Eigen::Vector3f origin = scan.origin;
+  const auto startAt = [&](const Eigen::Vector3f& start) {
+    if (start == origin) return;
+    origin = start;
+    in.raster.setOrigin(start);
+  };
   // Cells at random places along a beam, in proportion to its length (2.5.2, "Cell Selection").
   std::uniform_real_distribution<float> uniform(0.0F, 1.0F);
   const auto select = [&](const Voxel& v) {
@@ -91,18 +98,18 @@ void OccupancyMap::rasterize(const Scan& scan, InsertReport& report) {
   const auto addBeam = [&](const Voxel& end_voxel, const Eigen::Vector3f& end) {
     in.raster.addBeam(end_voxel, end);
     if (!expands) return;
-    const Eigen::Vector3f beam = end - scan.origin;
+    const Eigen::Vector3f beam = end - origin;
     const int samples = static_cast<int>(beam.norm() * options_.samples_per_metre + uniform(in.random));
     Voxel voxel;
     for (int k = 0; k < samples; ++k) {
-      if (toVoxel(scan.origin + uniform(in.random) * beam, inverse, voxel)) select(voxel);
+      if (toVoxel(origin + uniform(in.random) * beam, inverse, voxel)) select(voxel);
     }
   };
   // A beam that only clears, cut at max_range.
   const auto clear = [&](Eigen::Vector3f end) {
-    const Eigen::Vector3f beam = end - scan.origin;
+    const Eigen::Vector3f beam = end - origin;
     if (lengthOf(beam) > options_.max_range) {
-      end = scan.origin + unitVector(beam) * static_cast<float>(options_.max_range);
+      end = origin + unitVector(beam) * static_cast<float>(options_.max_range);
     }
     Voxel voxel;
     if (!toVoxel(end, inverse, voxel)) return false;
@@ -115,19 +122,20 @@ void OccupancyMap::rasterize(const Scan& scan, InsertReport& report) {
   VoxelBatch batch;
   for (std::size_t i = 0; i < scan.hits.size(); ++i) {
     const Eigen::Vector3f& point = scan.hits[i];
+    if (!scan.hit_origins.empty()) startAt(scan.hit_origins[i]);
     if (i % batch.size() == 0) toVoxels(&point, std::min(batch.size(), scan.hits.size() - i), inverse, batch);
     const Voxel& voxel = batch[i % batch.size()];
     if (!isInside(voxel)) {
       if (!point.allFinite()) {
         ++report.non_finite;
-      } else if (lengthOf(point - scan.origin) > options_.max_range && clear(point)) {
+      } else if (lengthOf(point - origin) > options_.max_range && clear(point)) {
         ++report.beyond_range;
       } else {
         ++report.outside;
       }
       continue;
     }
-    if (options_.min_range > 0.0 && (point - scan.origin).norm() < options_.min_range) {
+    if (options_.min_range > 0.0 && (point - origin).norm() < options_.min_range) {
       ++report.too_near;
       continue;
     }
@@ -136,7 +144,7 @@ void OccupancyMap::rasterize(const Scan& scan, InsertReport& report) {
       for (int k = 0; k < 3; ++k) c[k] = static_cast<float>((voxel[k] + 0.5) * options_.resolution);
       return c;
     };
-    if (limited && lengthOf(center() - scan.origin) > options_.max_range) {
+    if (limited && lengthOf(center() - origin) > options_.max_range) {
       ++report.beyond_range;
       clear(center());
       continue;
@@ -152,7 +160,9 @@ void OccupancyMap::rasterize(const Scan& scan, InsertReport& report) {
           {in.raster.slotOf(blockOf(voxel)), indexInBlock(voxel), scan.reflectivity[i]});
     }
   }
-  for (const Eigen::Vector3f& end : scan.misses) {
+  for (std::size_t i = 0; i < scan.misses.size(); ++i) {
+    const Eigen::Vector3f& end = scan.misses[i];
+    startAt(scan.miss_origins.empty() ? scan.origin : scan.miss_origins[i]);
     if (!end.allFinite()) {
       ++report.non_finite;
     } else if (!clear(end)) {
@@ -162,19 +172,31 @@ void OccupancyMap::rasterize(const Scan& scan, InsertReport& report) {
   in.raster.finish();
 }
 
-InsertReport OccupancyMap::insertScan(const Scan& scan) {
-  Voxel origin_voxel;
-  if (!toVoxel(scan.origin, 1.0 / options_.resolution, origin_voxel)) {
+void OccupancyMap::check(const Scan& scan) const {
+  const auto checkOrigin = [this](const Eigen::Vector3f& origin) {
+    Voxel voxel;
+    if (toVoxel(origin, 1.0 / options_.resolution, voxel)) return;
     std::ostringstream text;
-    text << "the scan's origin is (" << scan.origin.transpose() << ") m, allowed is +-"
+    text << "the scan's origin is (" << origin.transpose() << ") m, allowed is +-"
          << -kMinVoxel * options_.resolution << " m along each axis with a resolution of "
          << options_.resolution << " m: for UTM and other coordinates of the earth, map in a frame near by";
     throw std::invalid_argument(text.str());
-  }
-  if (!scan.reflectivity.empty() && scan.reflectivity.size() != scan.hits.size()) {
-    throw std::invalid_argument("the scan has " + std::to_string(scan.reflectivity.size()) +
-                                " reflectivities for " + std::to_string(scan.hits.size()) + " hits");
-  }
+  };
+  const auto checkSize = [](std::size_t size, const char* what, std::size_t expected, const char* of) {
+    if (size == 0 || size == expected) return;
+    throw std::invalid_argument("the scan has " + std::to_string(size) + what + std::to_string(expected) +
+                                of);
+  };
+  checkOrigin(scan.origin);
+  checkSize(scan.reflectivity.size(), " reflectivities for ", scan.hits.size(), " hits");
+  checkSize(scan.hit_origins.size(), " origins for ", scan.hits.size(), " hits");
+  checkSize(scan.miss_origins.size(), " origins for ", scan.misses.size(), " misses");
+  for (const Eigen::Vector3f& origin : scan.hit_origins) checkOrigin(origin);
+  for (const Eigen::Vector3f& origin : scan.miss_origins) checkOrigin(origin);
+}
+
+InsertReport OccupancyMap::insertScan(const Scan& scan) {
+  check(scan);
   InsertReport report;
   rasterize(scan, report);
   Insertion& in = *insertion_;

@@ -31,17 +31,7 @@ std::vector<BodyBox> parseRobotBody(const std::string& text) {
 std::size_t removeHitsIn(const Eigen::AlignedBox3d& box, const Eigen::Isometry3d& box_in_map, Scan& scan) {
   const Eigen::Isometry3f to_box = box_in_map.inverse().cast<float>();
   const Eigen::AlignedBox3f inside = box.cast<float>();
-  std::size_t kept = 0;
-  for (std::size_t i = 0; i < scan.hits.size(); ++i) {
-    if (inside.contains(to_box * scan.hits[i])) continue;
-    scan.hits[kept] = scan.hits[i];
-    if (!scan.reflectivity.empty()) scan.reflectivity[kept] = scan.reflectivity[i];
-    ++kept;
-  }
-  const std::size_t removed = scan.hits.size() - kept;
-  scan.hits.resize(kept);
-  if (!scan.reflectivity.empty()) scan.reflectivity.resize(kept);
-  return removed;
+  return removeHits([&](const Eigen::Vector3f& hit) { return inside.contains(to_box * hit); }, scan);
 }
 
 }  // namespace rtree_occupancy_map

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "scan_raster.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 
@@ -10,8 +11,8 @@ ScanRaster::ScanRaster(double resolution, WorkerPool& pool) : pool_(pool) {
   for (int i = 0; i < pool.size(); ++i) tracers_.emplace_back(new BeamTracer(resolution));
 }
 
-void ScanRaster::start(const Eigen::Vector3f& origin) {
-  origin_ = origin;
+void ScanRaster::start() {
+  origins_.clear();
   index_.clear();
   slots_.clear();
   beams_.clear();
@@ -46,11 +47,13 @@ bool ScanRaster::markHit(const Voxel& v) {
   return first;
 }
 
-// Beams side by side touch the same memory: sector by sector, the rows of a sector stay in the cache.
+// Beams side by side touch the same memory: sector by sector, the rows of a sector stay in the cache. (A
+// sensor that moves has them in the order of time.)
 void ScanRaster::sortBeams() {
   constexpr int kSectors = 256;
-  const auto sectorOf = [this](const BeamTracer::Beam& b) {
-    const float x = b.end_point.x() - origin_.x(), y = b.end_point.y() - origin_.y();
+  const Eigen::Vector3f& origin = origins_.front().point;
+  const auto sectorOf = [&origin](const BeamTracer::Beam& b) {
+    const float x = b.end_point.x() - origin.x(), y = b.end_point.y() - origin.y();
     const float quarter =
         y / (std::abs(x) + std::abs(y) + 1e-9F);  // -1 to 1, monotonic from -90 to 90 degrees
     const int sector = static_cast<int>((quarter + 1.0F) * (kSectors / 4 - 1));
@@ -61,18 +64,27 @@ void ScanRaster::sortBeams() {
   for (int i = 0; i < kSectors; ++i) begin[i + 1] += begin[i];
   sorted_beams_.resize(beams_.size());
   for (const BeamTracer::Beam& b : beams_) sorted_beams_[begin[sectorOf(b)]++] = b;
+  beams_.swap(sorted_beams_);
+}
+
+void ScanRaster::trace(std::size_t begin, std::size_t end, BeamTracer& tracer) const {
+  tracer.start();
+  for (auto origin = origins_.begin(); origin != origins_.end(); ++origin) {
+    const std::size_t first = std::max(begin, origin->first_beam),
+                      last = std::min(end, origin + 1 == origins_.end() ? end : origin[1].first_beam);
+    if (first >= last) continue;
+    tracer.setOrigin(origin->point);
+    for (std::size_t i = first; i < last; ++i) tracer.trace(beams_[i]);
+  }
 }
 
 void ScanRaster::finish() {
   if (beams_.empty()) return;
-  sortBeams();
+  if (origins_.size() == 1) sortBeams();
   constexpr std::size_t kWorthSharing = 2000;  // beams
-  const std::size_t shares = sorted_beams_.size() < kWorthSharing ? 1 : tracers_.size();
+  const std::size_t shares = beams_.size() < kWorthSharing ? 1 : tracers_.size();
   pool_.run(shares, 2, [&](std::size_t share, int) {
-    const std::size_t begin = sorted_beams_.size() * share / shares,
-                      end = sorted_beams_.size() * (share + 1) / shares;
-    tracers_[share]->start(origin_);
-    for (std::size_t i = begin; i < end; ++i) tracers_[share]->trace(sorted_beams_[i]);
+    trace(beams_.size() * share / shares, beams_.size() * (share + 1) / shares, *tracers_[share]);
   });
   for (std::uint32_t t = 0; t < shares; ++t) {
     for (std::uint32_t i = 0; i < tracers_[t]->size(); ++i) {

@@ -19,8 +19,10 @@ class ScanRaster {
   /// @param resolution m
   ScanRaster(double resolution, WorkerPool& pool);
 
-  /// Begins a new scan whose beams start at `origin` (m), inside of the map's coordinates.
-  void start(const Eigen::Vector3f& origin);
+  /// Begins a new scan.
+  void start();
+  /// Beams that are added from now on start at `origin` (m), inside of the map's coordinates.
+  void setOrigin(const Eigen::Vector3f& origin) { origins_.push_back({origin, beams_.size()}); }
 
   /// @return true the first time that this scan ends in this voxel
   bool markHit(const Voxel& voxel);
@@ -47,11 +49,17 @@ class ScanRaster {
     std::uint32_t tracer, number;
     std::uint32_t next;  // part of the same block in traced_
   };
+  // Where the beams from a number on start.
+  struct Origin {
+    Eigen::Vector3f point;
+    std::size_t first_beam;
+  };
   static constexpr std::uint32_t kNone = ~0u;
 
   void sortBeams();
+  void trace(std::size_t begin, std::size_t end, BeamTracer& tracer) const;
 
-  Eigen::Vector3f origin_;
+  std::vector<Origin> origins_;
   BlockIndex index_;
   std::vector<Slot> slots_;
   std::vector<std::unique_ptr<BlockRows>> hit_rows_;  // the first used_hit_rows_ are in use by this scan

@@ -60,7 +60,7 @@ class NodeletTest : public mapping_common::NodeletTest {
   }
   bool load() {
     if (!mapping_common::NodeletTest::load()) return false;
-    clouds_ = node_.advertise<sensor_msgs::PointCloud2>("cloud_in", 100);
+    clouds_ = node_.advertise<sensor_msgs::PointCloud2>(cloud_topic_, 100);
     scans_ = node_.advertise<sensor_msgs::LaserScan>("scan", 100);
     tf_ = node_.advertise<tf2_msgs::TFMessage>("/tf", 100);
     return waitFor([this] {
@@ -131,6 +131,7 @@ class NodeletTest : public mapping_common::NodeletTest {
   }
 
   const std::string map_frame_;
+  std::string cloud_topic_ = "cloud_in";
   OccupancyMap reference_;
   ros::Publisher clouds_, scans_, tf_;
   tf2_ros::StaticTransformBroadcaster broadcaster_;

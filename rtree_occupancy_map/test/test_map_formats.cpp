@@ -7,6 +7,7 @@
 
 #include <cstdlib>
 #include <filesystem>
+#include <set>
 #include <string>
 
 #include "plain_grid.h"
@@ -57,6 +58,33 @@ TEST(MapFormats, AreWrittenAndRead) {
   EXPECT_EQ(known(map).size(), known(readMap(dir.path("a.bt"))).size());
   EXPECT_TRUE(mentions(errorOf([&] { readMap(dir.path("a.pgm")); }), {"a.pgm", ".ot"}));
   EXPECT_TRUE(mentions(errorOf([&] { writeMap(map, "/nowhere/a.ot"); }), {"/nowhere/a.ot"}));
+}
+
+TEST(MapFormats, FilesOfAnotherResolution) {
+  const TempDir dir;
+  const OccupancyMap map = smallMap();
+  Options options;
+  options.resolution = 0.5;
+  for (const char* name : {"a.map", "a.ot"}) {
+    const std::string path = dir.path(name);
+    writeMap(map, path);
+    EXPECT_EQ(0.25, readMap(path, options, OtherResolution::kAdopt).options().resolution);
+    EXPECT_TRUE(mentions(errorOf([&] { readMap(path, options, OtherResolution::kRefuse); }),
+                         {name, "0.25 m", "0.5 m", "other_resolution"}));
+    const OccupancyMap converted = readMap(path, options, OtherResolution::kConvert);
+    EXPECT_EQ(0.5, converted.options().resolution);
+    EXPECT_EQ(map.options().prob_hit, converted.options().prob_hit);
+    // Nothing occupied is lost, and nothing else is occupied.
+    std::set<Voxel> expected, occupied;
+    for (const auto& [voxel, log_odds] : known(map))
+      if (log_odds >= 0.0F) expected.insert({voxel[0] >> 1, voxel[1] >> 1, voxel[2] >> 1});
+    for (const auto& [voxel, log_odds] : known(converted))
+      if (log_odds >= 0.0F) occupied.insert(voxel);
+    EXPECT_EQ(expected, occupied);
+    options.resolution = 0.25;
+    EXPECT_EQ(known(map), known(readMap(path, options, OtherResolution::kRefuse)));
+    options.resolution = 0.5;
+  }
 }
 
 TEST(MapFormats, SeenFromAbove) {

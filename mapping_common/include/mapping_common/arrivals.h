@@ -10,6 +10,7 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -69,17 +70,20 @@ class Arrivals {
   /// @param process gets each message with its transforms; where it throws std::invalid_argument, the message
   ///   is malformed
   /// @param with_other whether the second transform is asked for
+  /// @param sweep_of when a message was measured, if that counts; where it throws std::invalid_argument, the
+  ///   message is malformed
   template <class Message>
   ros::Subscriber subscribe(const std::string& topic, int queue_size, const std::string& label,
                             std::function<void(const Message&, const Transforms&)> process,
-                            bool with_other = true);
+                            bool with_other = true,
+                            std::function<SweepTimes(const Message&)> sweep_of = nullptr);
   /// A message that came in another way: counts it and checks its stamp.
   /// @param sensor what tells sensors apart, beside the frame
   /// @return false if it was dropped
   bool accept(const std::string& sensor, const std::string& label, const std_msgs::Header& header);
   /// One that was accepted waits for its transforms.
   void add(const std::string& sensor, const std_msgs::Header& header, TransformQueue::Ready process,
-           bool with_other = true);
+           bool with_other = true, const SweepTimes& sweep = {});
 
   Drops& drops() { return drops_; }
   const TransformQueue& queue() const { return queue_; }
@@ -110,16 +114,23 @@ class Arrivals {
 template <class Message>
 ros::Subscriber Arrivals::subscribe(const std::string& topic, int queue_size, const std::string& label,
                                     std::function<void(const Message&, const Transforms&)> process,
-                                    bool with_other) {
+                                    bool with_other, std::function<SweepTimes(const Message&)> sweep_of) {
   recent_[label] = 0;
   using Event = ros::MessageEvent<const Message>;
   const boost::function<void(const Event&)> arrived = [=](const Event& event) {
     const boost::shared_ptr<const Message> message = event.getConstMessage();
     const std::string sensor = topic + ' ' + event.getPublisherName();
     if (!accept(sensor, label, message->header)) return;
+    SweepTimes sweep;
+    try {
+      if (sweep_of) sweep = sweep_of(*message);
+    } catch (const std::invalid_argument& e) {
+      return drops_.add(kMalformed, e.what());
+    }
     add(
         sensor, message->header,
-        [message, process](const Transforms& transforms) { process(*message, transforms); }, with_other);
+        [message, process](const Transforms& transforms) { process(*message, transforms); }, with_other,
+        sweep);
   };
   return node_.subscribe<Message>(topic, queue_size, arrived);
 }

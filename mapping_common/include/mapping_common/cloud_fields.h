@@ -16,7 +16,11 @@ class CloudField {
   /// Whether there is such a field; without, it can't be read.
   explicit operator bool() const { return load_ != nullptr; }
   /// @param point its first byte
-  float operator()(const std::uint8_t* point) const { return load_(point + offset_); }
+  float operator()(const std::uint8_t* point) const { return static_cast<float>(load_(point + offset_)); }
+  /// With all its digits: of a time.
+  double number(const std::uint8_t* point) const { return load_(point + offset_); }
+  /// One of sensor_msgs/PointField.
+  std::uint8_t type() const { return type_; }
 
   /// @return no field where the cloud has none of that name
   /// @throws std::invalid_argument that says what is malformed
@@ -30,7 +34,8 @@ class CloudField {
   explicit CloudField(const sensor_msgs::PointField& field);
 
   std::size_t offset_ = 0, size_ = 0;
-  float (*load_)(const std::uint8_t*) = nullptr;
+  std::uint8_t type_ = 0;
+  double (*load_)(const std::uint8_t*) = nullptr;
 };
 
 /// Bytes from row to row.

@@ -22,6 +22,11 @@ namespace mapping_common {
 /// tf2 knows no leading slashes, older drivers and launch files do.
 std::string withoutSlash(const std::string& frame);
 
+/// When measurements were made, s from the stamp of their message on.
+struct SweepTimes {
+  double first = 0.0, last = 0.0;
+};
+
 /// Messages wait here until tf tells where their frame was. Those of one sensor stay in order, those of
 /// another don't hold them up. Time is that of the stamps, so that a recording that is replayed faster, or is
 /// paused, gives the same.
@@ -53,8 +58,10 @@ class TransformQueue {
   /// @param header its stamp is one that Stamps has accepted
   /// @param with_other whether the second transform is asked for
   /// @param ready is called with the transforms, at once if they are there; it throws nothing
-  /// @throws std::invalid_argument if the message has no frame_id and needs one
-  void add(const std::string& sensor, const std_msgs::Header& header, bool with_other, Ready ready);
+  /// @param sweep transforms must be known from its first to its last moment, too
+  /// @throws std::invalid_argument if the message has no frame_id and needs one, or a sweep and no stamp
+  void add(const std::string& sensor, const std_msgs::Header& header, bool with_other, Ready ready,
+           const SweepTimes& sweep = {});
   std::size_t waiting() const { return waiting_; }
   /// Time has jumped: forgets the messages that wait, and transforms. @return how many messages
   std::size_t restart();
@@ -68,6 +75,7 @@ class TransformQueue {
  private:
   struct Item {
     std_msgs::Header header;
+    ros::Time first, last;  // the sweep
     bool with_other;
     std::uint64_t number;  // of its arrival
     Ready ready;
@@ -83,8 +91,8 @@ class TransformQueue {
   void advance(Sequence& sequence, bool give_up = false);
   void forgetEmpty();
   Sequence& oldest();
-  bool isKnown(const std::string& target, const std::string& source, const ros::Time& stamp,
-               std::string* why = nullptr) const;
+  bool isKnown(const std::string& target, const std::string& source, const Item& item,
+               std::string* why) const;
   bool knowsFrame(const Item& item, std::string* why = nullptr) const;
   bool knowsOther(const Item& item, std::string* why = nullptr) const;
   Transforms lookup(const Item& item, bool other) const;

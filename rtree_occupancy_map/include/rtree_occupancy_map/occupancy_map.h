@@ -14,6 +14,7 @@
 #include "rtree_occupancy_map/cell.h"
 #include "rtree_occupancy_map/options.h"
 #include "rtree_occupancy_map/rtree.h"
+#include "rtree_occupancy_map/scan.h"
 
 namespace rtree_occupancy_map {
 
@@ -28,14 +29,6 @@ constexpr std::size_t kMostBlocks = std::size_t{1} << 20;
 
 /// Block coordinates: the block holds voxels block * kBlockSize to (block + 1) * kBlockSize, exclusive.
 using Block = std::array<int, 3>;
-
-/// One scan in the map frame, metres.
-struct Scan {
-  Eigen::Vector3f origin = Eigen::Vector3f::Zero();  ///< where the beams start
-  std::vector<Eigen::Vector3f> hits;  ///< where they were reflected; non-finite points are counted, not used
-  std::vector<float> reflectivity;    ///< empty, or one value for each hit
-  std::vector<Eigen::Vector3f> misses;  ///< ends of beams without a return: they only clear
-};
 
 /// What insertScan did.
 struct InsertReport {
@@ -93,9 +86,9 @@ class OccupancyMap {
   void setRange(double min_range, double max_range);
 
   /// Updates every voxel that the scan touches once (Eq. 2.7), an end point before a crossing beam, and
-  /// fuses. Beams run to the centre of the voxel that they end in.
-  /// @throws std::invalid_argument if the origin is non-finite or outside of the map's coordinates, or if the
-  ///   reflectivities don't match the hits; the map is then unchanged
+  /// fuses. Beams run to the centre of the voxel that they end in, to each voxel the first.
+  /// @throws std::invalid_argument if an origin is non-finite or outside of the map's coordinates, or if
+  ///   reflectivities or origins don't match the hits or misses in number; the map is then unchanged
   InsertReport insertScan(const Scan& scan);
 
   void clear();
@@ -171,6 +164,7 @@ class OccupancyMap {
   struct Insertion;
 
   static OccupancyMap restore(const Options& options, std::vector<Cell> cells);
+  void check(const Scan& scan) const;
   void rasterize(const Scan& scan, InsertReport& report);
   // The tree with the cells of those blocks up to date that overlap the region, or whose boxes pass
   // asked_for.

@@ -14,11 +14,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <iterator>
 #include <memory>
 #include <pluginlib/class_list_macros.hpp>
 #include <sstream>
 #include <stdexcept>
 #include <string>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -33,6 +36,8 @@
 namespace rtree_occupancy_map {
 namespace {
 
+using mapping_common::SweepTimes;
+
 // Why a message is dropped, beside what mapping_common::Arrivals does.
 constexpr const char* kEmpty = "empty";
 
@@ -46,11 +51,26 @@ struct Activity {
   double publication_time = 0.0;
 };
 
+// A sweep's poses that tf is asked for: 3 ms apart at 10 Hz.
+constexpr int kPoses = 33;
+
 bool isEmpty(const sensor_msgs::PointCloud2& cloud) {
   return cloud.width == 0 || cloud.height == 0;
 }
 bool isEmpty(const sensor_msgs::LaserScan& scan) {
   return scan.ranges.empty();
+}
+
+// @param text names with spaces, commas or semicolons between them
+std::vector<std::string> topicsOf(std::string text) {
+  std::replace_if(
+      text.begin(), text.end(), [](char c) { return c == ',' || c == ';'; }, ' ');
+  std::istringstream words(text);
+  std::vector<std::string> topics{std::istream_iterator<std::string>(words), {}};
+  std::sort(topics.begin(), topics.end());
+  topics.erase(std::unique(topics.begin(), topics.end()), topics.end());
+  if (topics.empty()) throw std::invalid_argument("~cloud_topics names no topic");
+  return topics;
 }
 
 void requireBox(const geometry_msgs::Point& min, const geometry_msgs::Point& max) {
@@ -73,6 +93,11 @@ class MappingNodelet : public mapping_common::Nodelet {
   void offerServices();
   template <class Message>
   void insert(const Message& message, const mapping_common::Arrivals::Transforms& transforms);
+  template <class Message>
+  ConvertedScan convert(const Message& message, const mapping_common::Arrivals::Transforms& transforms) const;
+  template <class Message>
+  std::function<SweepTimes(const Message&)> sweepOf() const;
+  SensorPath pathOf(const std::string& frame, const ros::Time& stamp, const SweepTimes& times) const;
   void leaveOutBody(const ros::Time& stamp, Scan& scan);
   void warnOfFrame(const std::string& cloud_frame);
 
@@ -92,7 +117,7 @@ class MappingNodelet : public mapping_common::Nodelet {
 
   std::unique_ptr<mapping_common::Arrivals> arrivals_;
   std::vector<BodyBox> robot_body_;
-  ros::Subscriber clouds_, scans_;
+  std::vector<ros::Subscriber> inputs_;
 
   ros::WallTimer publish_timer_;
 
@@ -149,18 +174,30 @@ void MappingNodelet::listen() {
   options.transforms.tolerance = parameters_.transform_tolerance;
   options.transforms.most = kMostWaiting;
   arrivals_ = std::make_unique<Arrivals>(getNodeHandle(), guard(), options, [](const ros::Time&) {});
-  clouds_ = arrivals_->subscribe<sensor_msgs::PointCloud2>(
-      "cloud_in", parameters_.queue_size, "Clouds",
-      [this](const sensor_msgs::PointCloud2& cloud, const Arrivals::Transforms& transforms) {
-        if (parameters_.sensor_frame_id.empty()) warnOfFrame(cloud.header.frame_id);
-        insert(cloud, transforms);
-      });
-  scans_ = arrivals_->subscribe<sensor_msgs::LaserScan>(
+  const std::vector<std::string> topics = topicsOf(parameters_.cloud_topics);
+  for (const std::string& topic : topics) {
+    inputs_.push_back(arrivals_->subscribe<sensor_msgs::PointCloud2>(
+        topic, parameters_.queue_size, topics.size() == 1 ? "Clouds" : "Clouds of " + topic,
+        [this](const sensor_msgs::PointCloud2& cloud, const Arrivals::Transforms& transforms) {
+          if (parameters_.sensor_frame_id.empty()) warnOfFrame(cloud.header.frame_id);
+          insert(cloud, transforms);
+        },
+        true, sweepOf<sensor_msgs::PointCloud2>()));
+  }
+  inputs_.push_back(arrivals_->subscribe<sensor_msgs::LaserScan>(
       "scan", parameters_.queue_size, "Scans",
       [this](const sensor_msgs::LaserScan& scan, const Arrivals::Transforms& transforms) {
         insert(scan, transforms);
       },
-      false);  // beams start in the scan's own frame
+      false,  // beams start in the scan's own frame
+      sweepOf<sensor_msgs::LaserScan>()));
+}
+
+// What a message waits for transforms for.
+template <class Message>
+std::function<SweepTimes(const Message&)> MappingNodelet::sweepOf() const {
+  if (!parameters_.undistort) return nullptr;
+  return [](const Message& message) { return isEmpty(message) ? SweepTimes() : sweepTimesOf(message); };
 }
 
 // A part whose transform at the stamp hasn't come yet, as of an arm, is where it was last.
@@ -192,11 +229,48 @@ void MappingNodelet::warnOfFrame(const std::string& cloud_frame) {
                          "~sensor_frame_id to the frame that it is at the origin of");
 }
 
+SensorPath MappingNodelet::pathOf(const std::string& frame, const ros::Time& stamp,
+                                  const SweepTimes& times) const {
+  const std::string map_frame = mapping_common::withoutSlash(parameters_.display.frame_id);
+  const ros::Time first = stamp + ros::Duration(times.first), last = stamp + ros::Duration(times.last);
+  SensorPath path;
+  if (mapping_common::withoutSlash(frame) == map_frame) {
+    path.add(0.0, Eigen::Isometry3d::Identity());
+    return path;
+  }
+  for (int i = 0; i < kPoses; ++i) {
+    const ros::Time time = first + (last - first) * (i / (kPoses - 1.0));
+    path.add((time - stamp).toSec(), tf2::transformToEigen(arrivals_->queue().buffer().lookupTransform(
+                                         map_frame, mapping_common::withoutSlash(frame), time)));
+    if (first == last) break;
+  }
+  return path;
+}
+
+template <class Message>
+ConvertedScan MappingNodelet::convert(const Message& message,
+                                      const mapping_common::Arrivals::Transforms& transforms) const {
+  constexpr bool is_cloud = std::is_same_v<Message, sensor_msgs::PointCloud2>;
+  if (!parameters_.undistort) {
+    ConvertedScan converted = toScan(message, transforms.message, parameters_.scan);
+    if (transforms.other) converted.scan.origin = transforms.other->translation().cast<float>();
+    return converted;
+  }
+  const SweepTimes times = sweepTimesOf(message);
+  const SensorPath path = pathOf(message.header.frame_id, message.header.stamp, times);
+  if constexpr (is_cloud) {
+    const SensorPath origin =
+        transforms.other ? pathOf(parameters_.sensor_frame_id, message.header.stamp, times) : path;
+    return toScan(message, path, origin, parameters_.scan);
+  } else {
+    return toScan(message, path, parameters_.scan);
+  }
+}
+
 template <class Message>
 void MappingNodelet::insert(const Message& message, const mapping_common::Arrivals::Transforms& transforms) {
   if (isEmpty(message)) return arrivals_->drops().add(kEmpty, "nothing was measured in it");
-  ConvertedScan converted = toScan(message, transforms.message, parameters_.scan);
-  if (transforms.other) converted.scan.origin = transforms.other->translation().cast<float>();
+  ConvertedScan converted = convert(message, transforms);
   leaveOutBody(message.header.stamp, converted.scan);
   const ros::WallTime start = ros::WallTime::now();
   const InsertReport report = map_.insertScan(converted.scan);
@@ -265,7 +339,7 @@ void MappingNodelet::offerServices() {
 // A map comes with all that it was built with, but for the limits of the range. OctoMap's files have the
 // resolution alone.
 std::string MappingNodelet::load(const std::string& path) {
-  OccupancyMap map = readMap(path, parameters_.map);
+  OccupancyMap map = readMap(path, parameters_.map, parameters_.other_resolution);
   map.setRange(parameters_.map.min_range, parameters_.map.max_range);
   map_ = std::move(map);
   std::ostringstream text;

@@ -2,10 +2,12 @@
 #include "rtree_occupancy_map/ros/map_formats.h"
 
 #include <mapping_common/map_image.h>
+#include <rtree_occupancy_map/map_transform.h>
 #include <rtree_occupancy_map/octomap_file.h>
 #include <rtree_occupancy_map/pcd_file.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <filesystem>
 #include <iterator>
@@ -92,15 +94,28 @@ std::string writeMap(const OccupancyMap& map, const std::string& path, const Dis
   return "Wrote " + what + " to " + path;
 }
 
-OccupancyMap readMap(const std::string& path, const Options& options) {
+OccupancyMap readMap(const std::string& path, const Options& options, OtherResolution other) {
   const std::string ending = endingOf(path);
-  if (ending == ".bt" || ending == ".ot") return readOctomap(path, options);
   if (ending == ".pcd" || ending == ".pgm" || ending == ".yaml") {
     throw std::runtime_error(path +
                              " was not loaded: such files don't tell what is free in three dimensions; "
                              "allowed are those of the R-tree map, and .bt and .ot of OctoMap");
   }
-  return OccupancyMap::load(path, options);
+  OccupancyMap map =
+      ending == ".bt" || ending == ".ot" ? readOctomap(path, options) : OccupancyMap::load(path, options);
+  const double resolution = map.options().resolution;
+  if (other == OtherResolution::kAdopt || std::abs(resolution - options.resolution) < 1e-6 * resolution)
+    return map;
+  if (other == OtherResolution::kRefuse) {
+    std::ostringstream text;
+    text << path << " was not loaded: its voxels are of " << resolution << " m, resolution is "
+         << options.resolution
+         << " m. other_resolution says whether such a map is converted, or its resolution adopted";
+    throw std::runtime_error(text.str());
+  }
+  Options converted = map.options();
+  converted.resolution = options.resolution;
+  return transformed(map, Eigen::Isometry3d::Identity(), converted);
 }
 
 }  // namespace rtree_occupancy_map

@@ -21,9 +21,21 @@ MapFormat formatOf(const std::string& path);
 /// @throws std::invalid_argument as formatOf; std::runtime_error that names the file
 std::string writeMap(const OccupancyMap& map, const std::string& path, const DisplayOptions& projection = {});
 
+/// What becomes of a file's map of another resolution than asked for.
+enum class OtherResolution { kAdopt, kConvert, kRefuse };
+constexpr auto choicesOf(OtherResolution) {
+  return mapping_common::choices<OtherResolution>(
+      {{"adopt", OtherResolution::kAdopt, "the map has the file's from then on, as with octomap_server"},
+       {"convert", OtherResolution::kConvert,
+        "the map gets the one below: larger voxels are as occupied as the most occupied part of them"},
+       {"refuse", OtherResolution::kRefuse, "it isn't loaded"}});
+}
+
 /// Of .bt and .ot, those of OctoMap; of others, that of this package.
 /// @param options of which OctoMap's files take all but the resolution, others what a file doesn't settle
+/// @param other what is done if the resolution isn't that of the options
 /// @throws std::runtime_error that names the file and says what is wrong with it
-OccupancyMap readMap(const std::string& path, const Options& options = {});
+OccupancyMap readMap(const std::string& path, const Options& options = {},
+                     OtherResolution other = OtherResolution::kAdopt);
 
 }  // namespace rtree_occupancy_map

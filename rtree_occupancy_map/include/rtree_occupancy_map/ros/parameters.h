@@ -2,6 +2,7 @@
 #pragma once
 
 #include <rtree_occupancy_map/options.h>
+#include <rtree_occupancy_map/ros/map_formats.h>
 #include <rtree_occupancy_map/ros/map_publisher.h>
 #include <rtree_occupancy_map/ros/scan_conversion.h>
 
@@ -15,8 +16,11 @@ struct MappingParameters {
   ScanLimits scan;
   DisplayOptions display;
   std::string map_file, save_on_shutdown;
+  OtherResolution other_resolution = OtherResolution::kAdopt;
+  std::string cloud_topics = "cloud_in";
   int queue_size = 10;
   std::string sensor_frame_id, robot_body;
+  bool undistort = false;
   double transform_timeout = 0.5;
   double transform_tolerance = 0.0;
   double publish_rate = 2.0;
@@ -27,16 +31,28 @@ struct MappingParameters {
       "path of a map to load at the start; its resolution, sensor model and fusion then replace those below. "
       "Empty: "
       "start with an empty map");
+    o("other_resolution", other_resolution, "", "what becomes of a file whose resolution isn't that below");
     o("save_on_shutdown", save_on_shutdown, "",
       "path that the map is written to at the end, unless it is empty. Empty: don't");
     map.describe(o);
     o.section("the input");
+    o("cloud_topics", cloud_topics, "",
+      "of point clouds, any number with spaces between them, or a list; each sensor has its own frame, and "
+      "waits for "
+      "nobody else's transforms")
+        .notEmpty();
     o("queue_size", queue_size, "", "messages of each topic that wait for the map; the oldest is dropped")
         .within(1, 10000);
     o("sensor_frame_id", sensor_frame_id, "",
       "of clouds: the frame whose origin their beams start at, for clouds in another frame, such as those "
       "that "
       "LOAM has registered in the map's. Empty: the cloud's own frame");
+    o("undistort", undistort, "",
+      "true: the sensor moves during a sweep: each point, and its beam, is from where tf says that the "
+      "sensor was "
+      "at the point's time. Clouds need a field t, time, timestamp, offset_time, time_offset or time_stamp; "
+      "scans "
+      "have time_increment. Messages then wait for transforms until the end of their sweep");
     o("transform_timeout", transform_timeout, "s",
       "a message waits for transforms until later ones of its sensor have stamps later by this")
         .within(0.0, 10.0);

@@ -2,7 +2,9 @@
 #pragma once
 
 #include <mapping_common/options.h>
+#include <mapping_common/transform_queue.h>
 #include <rtree_occupancy_map/occupancy_map.h>
+#include <rtree_occupancy_map/sensor_path.h>
 #include <sensor_msgs/LaserScan.h>
 #include <sensor_msgs/PointCloud2.h>
 
@@ -48,5 +50,25 @@ ConvertedScan toScan(const sensor_msgs::PointCloud2& cloud, const Eigen::Isometr
 /// @throws std::invalid_argument that says what is malformed
 ConvertedScan toScan(const sensor_msgs::LaserScan& scan, const Eigen::Isometry3d& sensor_in_map,
                      const ScanLimits& limits);
+
+// ---- a sensor that moves during the sweep ---------------------------------------------------------
+
+/// When the finite points were measured, by the first of these fields that there is: `t`, `time`,
+/// `timestamp`, `offset_time`, `time_offset`, `time_stamp`. Integers are ns from the stamp on (Ouster,
+/// Livox), float32 s (Velodyne), float64 s or ns since 1970, or s from the stamp on where that is less than
+/// three years (Hesai, RoboSense, Livox).
+/// @throws std::invalid_argument that says what is malformed: there is no such field, or a time farther than
+/// 1 s from the stamp
+mapping_common::SweepTimes sweepTimesOf(const sensor_msgs::PointCloud2& cloud);
+/// By its time_increment.
+mapping_common::SweepTimes sweepTimesOf(const sensor_msgs::LaserScan& scan);
+
+/// As above, each point from where the sensor was at its time, and each beam, too. Times are taken in 1024
+/// steps of the sweep.
+/// @param frame in the map, of the points, by s from the stamp on
+/// @param origin in the map, of the beams, by the same
+ConvertedScan toScan(const sensor_msgs::PointCloud2& cloud, const SensorPath& frame, const SensorPath& origin,
+                     const ScanLimits& limits);
+ConvertedScan toScan(const sensor_msgs::LaserScan& scan, const SensorPath& frame, const ScanLimits& limits);
 
 }  // namespace rtree_occupancy_map

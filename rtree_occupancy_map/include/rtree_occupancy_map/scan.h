@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <vector>
+
+namespace rtree_occupancy_map {
+
+/// One scan in the map frame, metres.
+struct Scan {
+  Eigen::Vector3f origin = Eigen::Vector3f::Zero();  ///< where the beams start
+  std::vector<Eigen::Vector3f> hits;  ///< where they were reflected; non-finite points are counted, not used
+  std::vector<float> reflectivity;    ///< empty, or one value for each hit
+  std::vector<Eigen::Vector3f> misses;  ///< ends of beams without a return: they only clear
+  /// Of a sensor that moved meanwhile: empty, or where the beam to each hit and to each miss starts. The
+  /// fewer different ones follow each other, the better.
+  std::vector<Eigen::Vector3f> hit_origins, miss_origins;
+};
+
+/// Takes the hits for which `is_meant(point)` is true out of a scan, with their beams. @return how many
+template <class IsMeant>
+std::size_t removeHits(const IsMeant& is_meant, Scan& scan) {
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < scan.hits.size(); ++i) {
+    if (is_meant(scan.hits[i])) continue;
+    scan.hits[kept] = scan.hits[i];
+    if (!scan.reflectivity.empty()) scan.reflectivity[kept] = scan.reflectivity[i];
+    if (!scan.hit_origins.empty()) scan.hit_origins[kept] = scan.hit_origins[i];
+    ++kept;
+  }
+  const std::size_t removed = scan.hits.size() - kept;
+  scan.hits.resize(kept);
+  if (!scan.reflectivity.empty()) scan.reflectivity.resize(kept);
+  if (!scan.hit_origins.empty()) scan.hit_origins.resize(kept);
+  return removed;
+}
+
+}  // namespace rtree_occupancy_map
