@@ -100,6 +100,13 @@ void GridMap::update(const Scan& scan, const Pose& pose, const MapOptions& optio
     ends_[i] = cellAt(to_map * scan.points[i].cast<double>());
     if (contains(ends_[i])) box.extend(ends_[i]);
   }
+  free_ends_.clear();
+  for (const Eigen::Vector2f& end : scan.free) {
+    const Eigen::Vector2i at = cellAt(to_map * end.cast<double>());
+    if (!contains(at)) continue;
+    free_ends_.push_back(at);
+    box.extend(at);
+  }
   marks_.reset(box);
   observed_box_.extend(box);
   for (std::size_t i = 0; i < ends_.size(); ++i) {
@@ -108,6 +115,7 @@ void GridMap::update(const Scan& scan, const Pose& pose, const MapOptions& optio
     if (i == 0 || ends_[i] != ends_[i - 1]) markBeam(from, ends_[i], options.clear_margin);
     *marks_.find(ends_[i]) |= !appeared.empty() && appeared[i] ? Marks::kUnsureHit : Marks::kHit;
   }
+  for (const Eigen::Vector2i& end : free_ends_) markBeam(from, end, 0.0);
   applyMarks(options);
   for (std::size_t i = 0; i < scan.reflectivities.size(); ++i) {
     if (!contains(ends_[i])) continue;

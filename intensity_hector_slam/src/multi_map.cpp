@@ -40,7 +40,9 @@ void MultiMap::growTo(const Scan& scan, const Pose& pose) {
   const double cell = coarsest.resolution();
   const Eigen::Isometry2d to_map = isometry(pose);
   Eigen::AlignedBox2d seen(to_map * scan.origin.cast<double>());
-  for (const Eigen::Vector2f& point : scan.points) seen.extend(to_map * point.cast<double>());
+  for (const auto* ends : {&scan.points, &scan.free}) {
+    for (const Eigen::Vector2f& end : *ends) seen.extend(to_map * end.cast<double>());
+  }
 
   // By no less than a quarter of the map, so that it doesn't grow with each scan.
   const auto added = [&](double missing, int side) {

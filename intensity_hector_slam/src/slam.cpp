@@ -69,14 +69,17 @@ void Slam::check(const Pose& pose) {
 
 void Slam::check(const Scan& scan) {
   if (!std::isfinite(scan.stamp)) throw std::invalid_argument("a scan has a stamp that is not finite");
-  const auto isFinite = [](const Eigen::Vector2f& point) { return point.allFinite(); };
-  if (!std::all_of(scan.points.begin(), scan.points.end(), isFinite)) {
+  const auto areFinite = [](const std::vector<Eigen::Vector2f>& points) {
+    return std::all_of(points.begin(), points.end(), [](const auto& point) { return point.allFinite(); });
+  };
+  if (!areFinite(scan.points) || !areFinite(scan.free)) {
     throw std::invalid_argument("a scan has a point that is not finite");
   }
   if (!scan.reflectivities.empty() && scan.reflectivities.size() != scan.points.size()) {
     throw std::invalid_argument("a scan has another number of reflectivities than of points");
   }
-  if (!scan.times.empty() && scan.times.size() != scan.points.size()) {
+  if ((!scan.times.empty() && scan.times.size() != scan.points.size()) ||
+      (scan.free_times.size() != (scan.times.empty() ? 0 : scan.free.size()))) {
     throw std::invalid_argument("a scan has another number of times than of points");
   }
 }
@@ -215,16 +218,20 @@ double Slam::deskew(const Scan& scan) {
   const double middle = 0.5 * (scan.times.front() + scan.times.back());
   if (velocity_.isZero()) return middle;
   // Eq. 3.7 for all points at once, each with the motion from the middle to its time.
-  const Eigen::Index n = scan.points.size();
   const Eigen::Vector3f velocity = velocity_.cast<float>();
-  const Eigen::ArrayXf elapsed =
-      Eigen::Map<const Eigen::ArrayXf>(scan.times.data(), n) - static_cast<float>(middle);
-  const Eigen::ArrayXf c = (velocity.z() * elapsed).cos(), s = (velocity.z() * elapsed).sin();
-  const Eigen::Map<const Eigen::Array2Xf> from(scan.points.front().data(), 2, n);
-  Eigen::Map<Eigen::Array2Xf> to(deskewed_.points.front().data(), 2, n);
-  const auto x = from.row(0).transpose(), y = from.row(1).transpose();
-  to.row(0) = (c * x - s * y + velocity.x() * elapsed).transpose();
-  to.row(1) = (s * x + c * y + velocity.y() * elapsed).transpose();
+  const auto move = [&](const std::vector<float>& times, std::vector<Eigen::Vector2f>& points) {
+    if (points.empty()) return;
+    const Eigen::Index n = points.size();
+    const Eigen::ArrayXf elapsed =
+        Eigen::Map<const Eigen::ArrayXf>(times.data(), n) - static_cast<float>(middle);
+    const Eigen::ArrayXf c = (velocity.z() * elapsed).cos(), s = (velocity.z() * elapsed).sin();
+    Eigen::Map<Eigen::Array2Xf> moved(points.front().data(), 2, n);
+    const Eigen::ArrayXf x = moved.row(0), y = moved.row(1);
+    moved.row(0) = (c * x - s * y + velocity.x() * elapsed).transpose();
+    moved.row(1) = (s * x + c * y + velocity.y() * elapsed).transpose();
+  };
+  move(scan.times, deskewed_.points);
+  move(scan.free_times, deskewed_.free);
   return middle;
 }
 

@@ -41,18 +41,20 @@ TEST(ToScan, LeavesOutWhatWasNotMeasured) {
 TEST(ToScan, LeavesOutRawIntensities) {
   auto scan = message({1.0F, 2.0F, 3.0F});
   scan.intensities = {0.5F, 1000.0F, 0.7F};  // one of a reflector
-  bool raw = true;
-  EXPECT_EQ(3u, toScan(scan, Eigen::Isometry3d::Identity(), {}, &raw).reflectivities.size());
-  EXPECT_FALSE(raw);
+  const auto convert = [&](const ScanLimits& limits, bool raw) {
+    auto reading = mapping_common::LaserScans().read(scan);
+    const Scan converted = toScan(scan, reading, Eigen::Isometry3d::Identity(), limits);
+    EXPECT_EQ(raw, reading.warnings.count("raw intensities"));
+    return converted;
+  };
+  EXPECT_EQ(3u, convert({}, false).reflectivities.size());
   scan.intensities = {800.0F, 1000.0F, std::nanf("")};
-  const Scan converted = toScan(scan, Eigen::Isometry3d::Identity(), {}, &raw);
-  EXPECT_TRUE(raw);
+  const Scan converted = convert({}, true);
   EXPECT_EQ(3u, converted.points.size());
   EXPECT_TRUE(converted.reflectivities.empty());
   ScanLimits limits;
   limits.reflectivity_scale = 0.001;
-  EXPECT_EQ(3u, toScan(scan, Eigen::Isometry3d::Identity(), limits, &raw).reflectivities.size());
-  EXPECT_FALSE(raw);
+  EXPECT_EQ(3u, convert(limits, false).reflectivities.size());
 }
 
 TEST(ToScan, IsInTheFrameOfTheBody) {
@@ -70,11 +72,36 @@ TEST(ToScan, CutsTheFloorThatATiltedScannerSees) {
   EXPECT_EQ(0u, toScan(message({0, 0, 6.0F}), mount, {}).points.size());
 }
 
+TEST(ToScan, UsesRangesWithoutIntensitiesThatDontFit) {
+  auto scan = message({1, 2, 3});
+  scan.intensities = {1};
+  const Scan converted = toScan(scan, Eigen::Isometry3d::Identity(), {});
+  EXPECT_EQ(3u, converted.points.size());
+  EXPECT_TRUE(converted.reflectivities.empty());
+}
+
+TEST(ToScan, HasFreeSpaceOfBeamsWithoutAReturnOnDemand) {
+  constexpr float kInfinity = std::numeric_limits<float>::infinity();
+  const auto scan = message({kInfinity, 0.0F, 20.0F, std::nanf(""), -kInfinity, 0.3F, 15.0F, 2.0F});
+  EXPECT_TRUE(toScan(scan, Eigen::Isometry3d::Identity(), {}).free.empty());
+  ScanLimits limits;
+  limits.max_range = 10.0;
+  limits.no_return_free_range = 8.0;
+  const Scan converted = toScan(scan, Eigen::Isometry3d::Identity(), limits);
+  EXPECT_EQ(1u, converted.points.size());
+  ASSERT_EQ(4u, converted.free.size());  // inf, 0, range_max, and beyond laser_max_dist
+  ASSERT_EQ(4u, converted.free_times.size());
+  EXPECT_NEAR(8.0 * std::cos(-0.5), converted.free[0].x(), 1e-5);
+  EXPECT_NEAR(8.0 * std::sin(1.0), converted.free[3].y(), 1e-5);
+  EXPECT_FLOAT_EQ(0.006F, converted.free_times[3]);
+}
+
 TEST(ToPointCloud, HasTheEndsInTheFrameOfTheScanner) {
   auto scan = message({5.0F, std::nanf(""), 0.3F, 25.0F, 2.0F});
   scan.header.frame_id = "laser";
   scan.intensities = {100, 200, 300, 400, 500};
-  const sensor_msgs::PointCloud cloud = toPointCloud(scan, {});
+  const auto read = [](const auto& message) { return mapping_common::LaserScans().read(message); };
+  const sensor_msgs::PointCloud cloud = toPointCloud(scan, read(scan), {});
   EXPECT_EQ("laser", cloud.header.frame_id);
   EXPECT_EQ(ros::Time(100.5), cloud.header.stamp);
   ASSERT_EQ(2u, cloud.points.size());
@@ -83,7 +110,7 @@ TEST(ToPointCloud, HasTheEndsInTheFrameOfTheScanner) {
   ASSERT_EQ(2u, cloud.channels.size());
   EXPECT_EQ(std::vector<float>({0, 4}), cloud.channels[0].values);
   EXPECT_EQ(std::vector<float>({100, 500}), cloud.channels[1].values);
-  EXPECT_EQ(1u, toPointCloud(message({5.0F}), {}).channels.size());
+  EXPECT_EQ(1u, toPointCloud(message({5.0F}), read(message({5.0F})), {}).channels.size());
 }
 
 TEST(ToScan, RefusesMalformedMessages) {
@@ -92,11 +119,11 @@ TEST(ToScan, RefusesMalformedMessages) {
     damage(scan);
     EXPECT_THROW(toScan(scan, Eigen::Isometry3d::Identity(), {}), std::invalid_argument);
   };
-  expectRefused([](auto& scan) { scan.intensities = {1}; });
   expectRefused([](auto& scan) { scan.angle_min = std::nanf(""); });
   expectRefused([](auto& scan) { scan.angle_increment = std::numeric_limits<float>::infinity(); });
   expectRefused([](auto& scan) { scan.time_increment = std::nanf(""); });
-  expectRefused([](auto& scan) { scan.range_max = 0.0F; });
+  expectRefused([](auto& scan) { scan.angle_increment = 0.0F; });
+  expectRefused([](auto& scan) { scan.ranges = {1000, 2000, 3000}; });  // mm
   expectRefused([](auto& scan) { scan.range_min = std::nanf(""); });
 }
 

@@ -100,6 +100,17 @@ TEST(GridMap, OccupancyIsThatOfBayes) {
   EXPECT_FLOAT_EQ(options.min_probability, map.cell(12, 10).occupancy);
 }
 
+TEST(GridMap, FreeBeamsClearWithoutAHit) {
+  MapOptions options;
+  GridMap map(0.1, {-1.0, -1.0}, 20, 20);
+  Scan scan = beamTo({0.37f, 0.0f});
+  scan.free = {{0.77f, 0.0f}, {50.0f, 0.0f}};  // the second ends outside
+  map.update(scan, {0.05, 0.05, 0.0}, options);
+  EXPECT_TRUE(GridMap::isOccupied(map.cell(14, 10)));  // a hit is one, whatever crosses it
+  for (int x : {10, 11, 12, 15, 16, 17}) EXPECT_TRUE(GridMap::isFree(map.cell(x, 10))) << x;
+  EXPECT_FALSE(GridMap::isKnown(map.cell(18, 10)));
+}
+
 TEST(GridMap, TheLastPartOfABeamClearsUnknownCellsAlone) {
   MapOptions options;
   options.clear_margin = 0.25;  // 3 cells along the axis, 2 of the diagonal

@@ -82,6 +82,9 @@ TEST_F(SlamBag, UsesOdometryOfTfOrOfATopic) {
   EXPECT_LT(errorOf(out("topic/trajectory.tum")), 0.05);
   ASSERT_EQ(1, run(common + out("none") + " --odom nowhere"));
   EXPECT_NE(std::string::npos, log().find("60 no transform")) << log();
+  EXPECT_NE(std::string::npos,
+            log().find("60 scans are dropped, no transform, the first because \"nowhere\""))
+      << log();
 }
 
 TEST_F(SlamBag, DoesWithoutTransforms) {
@@ -89,6 +92,30 @@ TEST_F(SlamBag, DoesWithoutTransforms) {
   writeRoomBag(bare, 30, false);
   ASSERT_EQ(0, run("--bag " + bare + " --scan scan --cost occupancy --out " + out("bare"))) << log();
   EXPECT_NE(std::string::npos, log().find("the scanner is the body"));
+}
+
+TEST_F(SlamBag, SaysWhyScansAreDropped) {
+  const auto write = [](const std::function<void(sensor_msgs::LaserScan&)>& damage) {
+    const std::string path = dir_->path("damaged.bag");
+    rosbag::Bag damaged(path, rosbag::bagmode::Write);
+    for (int i = 0; i < 5; ++i) {
+      sensor_msgs::LaserScan scan = roomMessage(bagPoseAt(0.1 * i), ros::Time(kBagStart + 0.1 * i), i);
+      damage(scan);
+      damaged.write("/scan", scan.header.stamp, scan);
+    }
+    return "--bag " + path + " --scan scan --out " + out("x");
+  };
+  EXPECT_EQ(1, run(write([](auto& scan) {
+              for (float& range : scan.ranges) range *= 1000.0F;
+            })));
+  EXPECT_NE(std::string::npos,
+            log().find("5 scans are dropped, malformed, the first because ranges look like "
+                       "millimetres"))
+      << log();
+  EXPECT_EQ(1, run(write([](auto& scan) { scan.ranges.assign(361, std::nanf("")); })));
+  EXPECT_NE(std::string::npos, log().find("all scans are empty")) << log();
+  EXPECT_EQ(0, run(write([](auto& scan) { scan.range_max = 0.0F; })));
+  EXPECT_NE(std::string::npos, log().find("5 scans: range_max, the first because range_max is 0")) << log();
 }
 
 TEST_F(SlamBag, SaysWhatIsWrong) {

@@ -211,9 +211,13 @@ TEST_F(SlamNodeletTest, BadScansAreCountedAndChangeNothing) {
   damaged([](auto& scan) { scan.ranges.clear(), scan.intensities.clear(); });
   damaged([](auto& scan) { scan.ranges.assign(361, std::numeric_limits<float>::infinity()); });
   damaged([](auto& scan) { scan.ranges.assign(361, std::nanf("")); });
-  damaged([](auto& scan) { scan.intensities.resize(3); });
-  damaged([](auto& scan) { scan.range_max = -1.0F; });
-  damaged([](auto& scan) { scan.ranges.assign(361, 0.6F); });  // the inside of a barrel
+  damaged([](auto& scan) { scan.angle_increment = 0.0F; });
+  damaged([](auto& scan) {
+    for (float& range : scan.ranges) range *= 1000.0F;
+  });
+  damaged([](auto& scan) {  // the inside of a barrel
+    for (std::size_t i = 0; i < scan.ranges.size(); ++i) scan.ranges[i] = 0.6F + 1e-4F * (i % 7);
+  });
   for (const double never : {4294967290.0, 4294967295.0})
     send(roomMessage(bagPoseAt(0.0), ros::Time(1.0), 5), never);
   expectDiagnostic("Scans", "Without a pose: empty", "3");
@@ -221,6 +225,27 @@ TEST_F(SlamNodeletTest, BadScansAreCountedAndChangeNothing) {
   expectDiagnostic("Scans", "Without a pose: rejected", "1");
   ASSERT_TRUE(drive(7, 10));
   EXPECT_LT(errorAt(9), 0.03);
+}
+
+TEST_F(SlamNodeletTest, ScansThatArentAsTheySayAreUsedAndReported) {
+  ASSERT_TRUE(load());
+  ASSERT_TRUE(drive(0, 5));
+  const auto damaged = [&](int i, const std::function<void(sensor_msgs::LaserScan&)>& damage) {
+    sensor_msgs::LaserScan scan = roomMessage(bagPoseAt(0.1 * i), ros::Time(timeOf(i)), i);
+    damage(scan);
+    sendTransforms(timeOf(i));
+    send(scan, timeOf(i));
+    EXPECT_TRUE(waitFor([&] { return isAt(i); }, 5.0));
+    EXPECT_LT(errorAt(i), 0.03);
+  };
+  damaged(5, [](auto& scan) { scan.intensities.resize(3); });
+  damaged(6, [](auto& scan) { scan.range_max = -1.0F; });
+  damaged(7, [](auto& scan) { scan.time_increment = 0.1F; });
+  damaged(8, [](auto& scan) {
+    for (std::size_t i = 0; i < 60; ++i) scan.ranges[i] = 29.9F;
+  });
+  for (const char* field : {"intensities", "range_max", "time_increment", "ranges"})
+    expectDiagnostic("Scans", std::string("Not as it says: ") + field, "1");
 }
 
 TEST_F(SlamNodeletTest, SurvivesWhateverArrives) {

@@ -70,9 +70,12 @@ void run(const Arguments& a) {
     percent = now;
   });
   std::cerr << '\n';
-  if (result.raw_intensities) {
-    std::cerr
-        << "slam_bag: raw intensities are left out, --reflectivity-scale is to make them about 0 to 1\n";
+  for (const auto* faults : {&result.warnings, &result.dropped}) {
+    const char* const what = faults == &result.dropped ? " scans are dropped, " : " scans: ";
+    for (const auto& [reason, fault] : *faults) {
+      std::cerr << "slam_bag: " << fault.count << what << reason << ", the first because " << fault.why
+                << '\n';
+    }
   }
   if (result.scanner_is_body) std::cerr << "slam_bag: the scanner is the body, its mounting isn't used\n";
 
@@ -83,7 +86,8 @@ void run(const Arguments& a) {
   writeTiming(a.out + "/timing.json", result);
   result.map.save(a.out + "/slam.map");
 
-  std::map<std::string, std::size_t> counts = result.dropped;
+  std::map<std::string, std::size_t> counts;
+  for (const auto& [reason, fault] : result.dropped) counts[reason] = fault.count;
   double seconds = 0.0;
   for (const auto& entry : result.entries) {
     ++counts[toString(entry.result.status)];
@@ -94,6 +98,12 @@ void run(const Arguments& a) {
   for (const auto& [name, count] : counts) std::cerr << ' ' << count << ' ' << name;
   std::cerr << " -> " << a.out << '\n';
   if (result.entries.empty()) throw std::runtime_error("not one scan could be used");
+  if (counts[toString(Status::kEmpty)] == result.entries.size()) {
+    throw std::runtime_error("all scans are empty: fewer than " + std::to_string(parameters.slam.min_points) +
+                             " (min_points) of their ranges are returns between laser_min_dist, " +
+                             std::to_string(parameters.scan.min_range) + " m, and laser_max_dist, " +
+                             std::to_string(parameters.scan.max_range) + " m");
+  }
 }
 
 }  // namespace

@@ -181,7 +181,10 @@ TEST(RisingStamps, EqualsEndsAndUnknown) {
     ASSERT_EQ(given.size(), stamps.size());
     for (std::size_t i = 1; i < stamps.size(); ++i) EXPECT_GT(stamps[i], stamps[i - 1] + 5e-7);
   }
-  EXPECT_TRUE(mentions(errorOf([&] { risingStamps({4, 3, 2, 1}, repaired); }), {"3 of 4"}));
+  EXPECT_TRUE(mentions(errorOf([&] {
+                         risingStamps({4, 3, 2, 1}, repaired);
+                       }),
+                       {"3 of 4", "--clock none --rate"}));
 }
 
 TEST(CarmenLog, RecordedLogs) {

@@ -54,8 +54,9 @@ class GridMap {
   Interpolation interpolate(const Eigen::Vector2d& point) const;
 
   /// Each cell that a beam ends in is updated as occupied once, each that beams only cross as free once, but
-  /// for known ones in the last MapOptions::clear_margin of each. Only occupied cells have a reflectivity.
-  /// Beams that end outside are ignored, points without a known reflectivity count for the occupancy alone.
+  /// for known ones in the last MapOptions::clear_margin of each; so is each that free beams cross. Only
+  /// occupied cells have a reflectivity. Beams that end outside are ignored, points without a known
+  /// reflectivity count for the occupancy alone.
   /// @param appeared for each point, whether it counts as little as a beam that crosses; empty: none does
   void update(const Scan& scan, const Pose& pose, const MapOptions& options,
               const std::vector<bool>& appeared = {});
@@ -111,7 +112,7 @@ class GridMap {
   std::vector<std::uint16_t> counts_;
   Eigen::AlignedBox2i observed_box_;
   Marks marks_;
-  std::vector<Eigen::Vector2i> ends_;  // cells of the scan's points
+  std::vector<Eigen::Vector2i> ends_, free_ends_;  // cells of the scan's points, and of its free beams
 };
 
 }  // namespace intensity_hector_slam

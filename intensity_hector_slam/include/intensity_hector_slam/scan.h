@@ -16,6 +16,9 @@ struct Scan {
   std::vector<float> reflectivities;
   /// s, when each point was measured, after the stamp. Empty: all at the stamp.
   std::vector<float> times;
+  /// m, up to where beams without a return are taken to cross free space, where that is wanted.
+  std::vector<Eigen::Vector2f> free;
+  std::vector<float> free_times;  ///< as `times`
 };
 
 }  // namespace intensity_hector_slam

@@ -5,6 +5,7 @@
 #include <geometry_msgs/PoseWithCovarianceStamped.h>
 #include <intensity_hector_slam/ResetMapping.h>
 #include <mapping_common/arrivals.h>
+#include <mapping_common/laser_scans.h>
 #include <mapping_common/nodelet.h>
 #include <mapping_msgs/LoadMap.h>
 #include <mapping_msgs/SaveMap.h>
@@ -77,6 +78,8 @@ class SlamNodelet : public mapping_common::Nodelet {
   ros::Subscriber scan_subscriber_, pose_subscriber_, command_subscriber_;
   ros::WallTimer map_timer_;
 
+  mapping_common::LaserScans laser_scans_;
+  std::unique_ptr<mapping_common::Drops> faults_;  // of scans that are used
   ScanCounts counts_;
   int reports_without_scan_ = 0;
 };
@@ -167,6 +170,12 @@ void SlamNodelet::listen() {
   } else if (p.usesOdometry() || (p.pub_map_odom_transform && p.odom_frame != p.base_frame)) {
     wanted.other_target = p.odom_frame;
   }
+  mapping_common::Drops::Options faults;
+  faults.name = getName();
+  faults.warning = "A scan isn't used as it says";
+  faults.key = "Not as it says";
+  faults.reasons = {"intensities", "range_max", "ranges", "raw intensities", "time_increment"};
+  faults_ = std::make_unique<mapping_common::Drops>(faults);
   asks_for_body_ = !wanted.other_target.empty();
   arrivals_ =
       std::make_unique<Arrivals>(node, guard(), options, [this](const ros::Time& to) { timeJumpedBack(to); });
@@ -193,13 +202,9 @@ void SlamNodelet::process(const sensor_msgs::LaserScan& message, const Arrivals:
   if (paused_) return arrivals_->drops().add(kPaused, "");
   const ros::Time& stamp = last_stamp_ = message.header.stamp;
   const ros::WallTime start = ros::WallTime::now();
-  bool raw = false;
-  const Scan scan = toScan(message, transforms.message, parameters_.scan, &raw);
-  if (raw) {
-    NODELET_WARN_STREAM_ONCE(
-        "Raw intensities are left out: with reflectivity_scale they are to be about 0 "
-        "(black) to 1 (white paper)");
-  }
+  mapping_common::LaserReading reading = laser_scans_.read(message);
+  const Scan scan = toScan(message, reading, transforms.message, parameters_.scan);
+  for (const auto& [what, why] : reading.warnings) faults_->add(what, why);
   std::optional<Pose> body;
   if (transforms.other) body = toPose(*transforms.other);
   if (parameters_.map_with_known_poses) {
@@ -208,7 +213,7 @@ void SlamNodelet::process(const sensor_msgs::LaserScan& message, const Arrivals:
     last_ = slam_->process(scan, parameters_.usesOdometry() ? body : std::nullopt);
   }
   const double time = (ros::WallTime::now() - start).toSec();
-  publisher_->publishCloud(message);
+  publisher_->publishCloud(message, reading);
   if (!parameters_.map_with_known_poses) {
     if (last_.status != Status::kEmpty && last_.status != Status::kRejected)
       publisher_->publishPose(stamp, last_);
@@ -312,6 +317,7 @@ void SlamNodelet::report() {
     NODELET_WARN_STREAM(whyNoScan(scan_subscriber_.getTopic()));
   }
   arrivals_->endReport();
+  faults_->endReport();
   counts_.endReport();
 }
 
@@ -319,6 +325,11 @@ void SlamNodelet::diagnoseScans(StatusWrapper& status) {
   counts_.addTo(status, reportedTime(), arrivals_->drops().recent(), arrivals_->queue().waiting(),
                 slam_->options().localization ? "Localizing" : "Mapping");
   arrivals_->addTo(status, reportedTime());
+  faults_->addTo(status);
+  if (faults_->recent() > 0) {
+    status.mergeSummaryf(diagnostic_msgs::DiagnosticStatus::WARN, "%zu scans aren't used as they say",
+                         faults_->recent());
+  }
   if (paused_) status.summary(diagnostic_msgs::DiagnosticStatus::OK, "Paused");
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "intensity_hector_slam/ros/bag_runner.h"
 
+#include <mapping_common/laser_scans.h>
 #include <mapping_common/transform_queue.h>
 #include <nav_msgs/Odometry.h>
 #include <rosbag/bag.h>
@@ -92,6 +93,7 @@ BagResult runBag(const BagOptions& options, const SlamParameters& parameters,
     slam.setMap(MultiMap::load(parameters.map_file, parameters.slam.map), parameters.start);
   }
   KeyPoses key_poses(parameters.key_pose_distance, parameters.key_pose_angle);
+  mapping_common::LaserScans scans;
   BagResult result;
   std::size_t done = 0;
   for (const rosbag::MessageInstance& instance : view) {
@@ -120,19 +122,19 @@ BagResult runBag(const BagOptions& options, const SlamParameters& parameters,
         odometry = toPose(lookup(*transforms, mapping_common::withoutSlash(options.odom_frame),
                                  parameters.base_frame, stamp));
       }
-      bool raw = false;
-      const Scan scan = toScan(*message, sensor, parameters.scan, &raw);
-      result.raw_intensities = result.raw_intensities || raw;
+      mapping_common::LaserReading reading = scans.read(*message);
+      const Scan scan = toScan(*message, reading, sensor, parameters.scan);
+      for (const auto& [what, why] : reading.warnings) result.warnings[what].add(why);
       const auto start = std::chrono::steady_clock::now();
       const SlamResult processed = slam.process(scan, odometry);
       const std::chrono::duration<double> time = std::chrono::steady_clock::now() - start;
       if (processed.time_jumped_back) key_poses.breakChain();
       if (const auto edge = key_poses.add(scan.stamp, processed)) result.edges.push_back(*edge);
       result.entries.push_back({scan.stamp, processed, time.count()});
-    } catch (const tf2::TransformException&) {
-      ++result.dropped["no transform"];
-    } catch (const std::invalid_argument&) {
-      ++result.dropped["malformed"];
+    } catch (const tf2::TransformException& e) {
+      result.dropped["no transform"].add(e.what());
+    } catch (const std::invalid_argument& e) {
+      result.dropped["malformed"].add(e.what());
     }
   }
   if (progress) progress(1.0);

@@ -143,7 +143,9 @@ void writeTiming(const std::string& path, const BagResult& result) {
     out << ",\n  \"costs\": ";
     writeCounts(out, costs);
     out << ",\n  \"dropped\": ";
-    writeCounts(out, result.dropped);
+    std::map<std::string, std::size_t> dropped;
+    for (const auto& [reason, fault] : result.dropped) dropped[reason] = fault.count;
+    writeCounts(out, dropped);
     out << ",\n  \"map_updates\": " << updates << ",\n  \"iterations_mean\": " << iterations / n
         << ",\n  \"time_mean_ms\": " << 1e3 * sum / n << ",\n  \"time_median_ms\": " << milliseconds(0.5)
         << ",\n  \"time_95_percent_ms\": " << milliseconds(0.95)

@@ -96,9 +96,10 @@ void SlamPublisher::publishTransforms(const ros::Time& stamp, const Pose& pose,
   }
 }
 
-void SlamPublisher::publishCloud(const sensor_msgs::LaserScan& scan) {
+void SlamPublisher::publishCloud(const sensor_msgs::LaserScan& scan,
+                                 const mapping_common::LaserReading& reading) {
   if (cloud_publisher_.getNumSubscribers() > 0)
-    cloud_publisher_.publish(toPointCloud(scan, parameters_.scan));
+    cloud_publisher_.publish(toPointCloud(scan, reading, parameters_.scan));
 }
 
 void SlamPublisher::publishMaps(const ros::Time& stamp, const MultiMap& map) {

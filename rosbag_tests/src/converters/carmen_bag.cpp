@@ -118,7 +118,8 @@ class Writer {
 void check(double first, double last) {
   if (first <= 0.0 || last >= 4e9)
     throw std::runtime_error("the stamps go from " + std::to_string(first) + " to " + std::to_string(last) +
-                             " s, expected 0 s to 4e9 s: another offset or made-up stamps are needed");
+                             " s, expected 0 s to 4e9 s: another --offset, or stamps made up by --clock none "
+                             "--rate HZ, are needed");
 }
 
 }  // namespace

@@ -236,7 +236,8 @@ std::vector<double> risingStamps(const std::vector<double>& stamps, std::size_t&
   repaired = given - piles.size();
   if (2 * repaired > given)
     throw std::runtime_error("the stamps don't increase: " + std::to_string(repaired) + " of " +
-                             std::to_string(given) + " would have to be made up");
+                             std::to_string(given) +
+                             " would have to be made up; --clock none --rate HZ makes all of them");
 
   std::vector<double> rising = stamps;
   std::size_t kept = stamps.size();  // the next record that keeps its stamp; none yet

@@ -28,8 +28,17 @@ struct BagResult {
   std::vector<Entry> entries;  ///< one for each scan that was processed
   std::vector<Edge> edges;
   MultiMap map;
-  std::map<std::string, std::size_t> dropped;  ///< scans, by the reason
-  bool raw_intensities = false;                ///< some were left out, see ScanLimits
+  /// Scans of one kind, and what is said of the first.
+  struct Fault {
+    std::size_t count = 0;
+    std::string why;
+
+    void add(const std::string& text) {
+      if (count++ == 0) why = text;
+    }
+  };
+  std::map<std::string, Fault> dropped;   ///< by the reason
+  std::map<std::string, Fault> warnings;  ///< scans that were used, see mapping_common::LaserReading
   bool scanner_is_body =
       false;  ///< the bag doesn't tell where the scanner is mounted: the poses are the scanner's
 };

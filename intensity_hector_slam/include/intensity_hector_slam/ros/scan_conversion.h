@@ -3,6 +3,7 @@
 
 #include <intensity_hector_slam/pose.h>
 #include <intensity_hector_slam/scan.h>
+#include <mapping_common/laser_scans.h>
 #include <mapping_common/options.h>
 #include <sensor_msgs/LaserScan.h>
 #include <sensor_msgs/PointCloud.h>
@@ -17,6 +18,7 @@ struct ScanLimits {
   double min_z = -1.0, max_z = 1.0;          ///< in the frame of the body
   double reflectivity_scale = 1.0;
   double max_median_reflectivity = 2.0;
+  double no_return_free_range = 0.0;
 
   void describe(mapping_common::OptionList& o) {
     o("laser_min_dist", min_range, "m", "nearer returns are left out: the robot itself").within(0.0, 10000.0);
@@ -32,21 +34,27 @@ struct ScanLimits {
     o("max_median_reflectivity", max_median_reflectivity, "",
       "of a scan; with more its intensities are taken for raw ones and left out, with a warning")
         .atLeast(0.0);
+    o("no_return_free_range", no_return_free_range, "m",
+      "beams without a return mark space as free up to here. 0: they say nothing, as black and mirroring "
+      "surfaces don't return either")
+        .within(0.0, 10000.0);
     o.require(max_range >= min_range, "laser_max_dist", "laser_min_dist or more");
     o.require(max_z >= min_z, "laser_z_max_value", "laser_z_min_value or more");
   }
 };
 
-/// Beams after REP 117: what isn't finite or not within all limits is left out.
+/// What isn't within all limits is left out.
+/// @param reading of the message, by mapping_common::LaserScans; gets a warning where intensities are raw
 /// @param sensor_in_body pose of the scanner
-/// @param raw set to whether there are intensities that were left out
-/// @throws std::invalid_argument that says what is malformed
+Scan toScan(const sensor_msgs::LaserScan& message, mapping_common::LaserReading& reading,
+            const Eigen::Isometry3d& sensor_in_body, const ScanLimits& limits);
+/// Of a message by itself. @throws std::invalid_argument that says what is malformed
 Scan toScan(const sensor_msgs::LaserScan& message, const Eigen::Isometry3d& sensor_in_body,
-            const ScanLimits& limits, bool* raw = nullptr);
+            const ScanLimits& limits);
 
 /// The same beams but for their height, in the frame of the scanner; channels: their index and intensity.
-/// @throws std::invalid_argument that says what is malformed
-sensor_msgs::PointCloud toPointCloud(const sensor_msgs::LaserScan& message, const ScanLimits& limits);
+sensor_msgs::PointCloud toPointCloud(const sensor_msgs::LaserScan& message,
+                                     const mapping_common::LaserReading& reading, const ScanLimits& limits);
 
 /// x, y and yaw.
 Pose toPose(const Eigen::Isometry3d& transform);

@@ -25,7 +25,7 @@ class SlamPublisher {
   void publishTransforms(const ros::Time& stamp, const Pose& pose, const std::optional<Pose>& odometry,
                          bool odometry_exists);
   /// The ends of the beams, if somebody wants them.
-  void publishCloud(const sensor_msgs::LaserScan& scan);
+  void publishCloud(const sensor_msgs::LaserScan& scan, const mapping_common::LaserReading& reading);
   /// Occupancy and reflectivity of the finest level, unless they were published as they are.
   void publishMaps(const ros::Time& stamp, const MultiMap& map);
   nav_msgs::OccupancyGrid occupancyGrid(const ros::Time& stamp, const MultiMap& map) const;
