@@ -148,6 +148,38 @@ bool BlockVoxels::setFree(const VoxelBox& box) {
   return changed;
 }
 
+bool BlockVoxels::decay(const BlockRows* seen, const LogOddsModel& model, DenseBlock& buffer) {
+  unpack(buffer);
+  bool changed = false;
+  for (int row = 0; row < kBlockRows; ++row) {
+    const std::uint32_t high = high_[row];
+    forEachBit((high | between_[row]) & ~(seen != nullptr ? (*seen)[row] : 0), [&](int z) {
+      float& log_odds = buffer.log_odds[row * kBlockSize + z];
+      const std::uint32_t bit = 1u << z;
+      if ((high & bit) != 0) log_odds = model.max;
+      if (log_odds < model.occupied) return;
+      log_odds += model.miss;
+      const bool forgotten = log_odds < model.occupied;
+      high_[row] &= ~bit;
+      between_[row] = forgotten ? between_[row] & ~bit : between_[row] | bit;
+      if (forgotten && texture_) texture_->rows[row] &= ~bit;
+      changed = true;
+    });
+  }
+  if (!changed) return false;
+  pack(buffer);
+  packTexture(buffer);
+  return true;
+}
+
+bool BlockVoxels::anyOccupied(const LogOddsModel& model) const {
+  const auto any = [](const BlockRows& rows) {
+    return std::any_of(rows.begin(), rows.end(), [](std::uint32_t row) { return row != 0; });
+  };
+  return any(high_) || std::any_of(log_odds_.begin(), log_odds_.end() - 1,
+                                   [&](float log_odds) { return log_odds >= model.occupied; });
+}
+
 void BlockVoxels::addReflectivity(const std::vector<std::pair<int, float>>& returns, DenseBlock& buffer) {
   if (!texture_) texture_ = std::make_unique<Texture>();
   unpackTexture(buffer);

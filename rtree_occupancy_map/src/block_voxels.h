@@ -48,6 +48,10 @@ class BlockVoxels {
   bool update(const ScanMask& mask, const LogOddsModel& model, bool settle, DenseBlock& buffer);
   /// Makes known voxels of the box, in the block's coordinates, free. @return whether any log odds changed
   bool setFree(const VoxelBox& box);
+  /// What is occupied and not in `seen` takes a miss, and is unknown when it is no longer occupied.
+  /// @param seen null: nothing @return whether any log odds changed
+  bool decay(const BlockRows* seen, const LogOddsModel& model, DenseBlock& buffer);
+  bool anyOccupied(const LogOddsModel& model) const;
   /// Takes returns (index of a voxel, value) into the mean reflectivities, in this order.
   void addReflectivity(const std::vector<std::pair<int, float>>& returns, DenseBlock& buffer);
 

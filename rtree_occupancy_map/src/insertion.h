@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "block_voxels.h"
+#include "decay.h"
 #include "rtree_occupancy_map/occupancy_map.h"
 #include "scan_raster.h"
 #include "worker_pool.h"
@@ -23,6 +24,7 @@ struct OccupancyMap::Insertion {
         settle(!options.dynamic),
         pool(options.threads),
         working_set(options, pool),
+        decay(options),
         raster(options.resolution, pool),
         random(options.seed) {
     for (int i = 0; i < pool.size(); ++i)
@@ -43,6 +45,8 @@ struct OccupancyMap::Insertion {
 
   /// Updates the block of this slot of the raster. @return whether that changes its cells
   bool update(std::uint32_t slot, WorkingSet::Entry& entry, const RTree& tree, Buffer& buffer) const;
+  /// Forgets what has not been seen for a while. @return the blocks that changed
+  std::vector<Block> forget(double time, const RTree& tree);
   /// The marks of a slot, once they are sorted.
   static std::pair<const Mark*, const Mark*> marksOf(std::uint32_t slot, const std::vector<Mark>& marks) {
     const auto less = [](const Mark& a, const Mark& b) { return a.slot < b.slot; };
@@ -57,6 +61,7 @@ struct OccupancyMap::Insertion {
   const bool settle;  // see BlockVoxels::update
   WorkerPool pool;
   WorkingSet working_set;
+  Decay decay;
   ScanRaster raster;
   std::vector<std::unique_ptr<Buffer>> buffers;  // one for each worker
   std::mt19937_64 random;

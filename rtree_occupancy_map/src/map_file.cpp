@@ -87,6 +87,7 @@ void OccupancyMap::save(const std::string& path) const {
     Options options = options_;
     options.threads = Options().threads;  // of the machine, not of the map
     options.working_set_memory = Options().working_set_memory;
+    options.decay_time = Options().decay_time;
     write(mapping_common::optionsOf(options));
     write(static_cast<std::uint64_t>(tree().size()));
     tree().visitAll([&](const Cell& cell) {
@@ -104,6 +105,7 @@ OccupancyMap OccupancyMap::load(const std::string& path, const Options& machine)
     Options options = readOptions(read);
     options.threads = machine.threads;
     options.working_set_memory = machine.working_set_memory;
+    options.decay_time = options.dynamic && options.prob_miss < options.prior ? machine.decay_time : 0.0;
     const auto count = read.next<std::uint64_t>();
     const std::size_t cell_size =
         sizeof(VoxelBox) + sizeof(float) + (options.reflectivity ? sizeof(Reflectivity) : 0);
@@ -138,6 +140,7 @@ OccupancyMap OccupancyMap::restore(const Options& options, std::vector<Cell> cel
     if (voxels.knownVoxels() != volume) throw std::runtime_error("it holds cells that overlap");
   }
   map.tree_.bulkLoad(std::move(cells));
+  map.startDecay();
   return map;
 }
 

@@ -88,6 +88,7 @@ OccupancyMap OccupancyMap::fromCells(const Options& options, const std::vector<C
     all.insert(all.end(), fused.begin(), fused.end());
   }
   map.tree_.bulkLoad(std::move(all));
+  map.startDecay();
   return map;
 }
 

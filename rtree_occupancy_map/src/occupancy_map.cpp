@@ -57,6 +57,7 @@ void OccupancyMap::setRange(double min_range, double max_range) {
 void OccupancyMap::clear() {
   tree_.clear();
   insertion_->working_set.clear();
+  insertion_->decay.clear();
 }
 
 const RTree& OccupancyMap::tree() const {
@@ -203,10 +204,13 @@ InsertReport OccupancyMap::insertScan(const Scan& scan) {
   Insertion::sortBySlot(in.reflectivity);
   Insertion::sortBySlot(in.selected);
   in.working_set.startScan();
+  report.changed_blocks = in.forget(scan.time, tree_);
 
   std::vector<WorkingSet::Entry*> entries(in.raster.size());
   for (std::size_t slot = 0; slot < entries.size(); ++slot) {
-    entries[slot] = &in.working_set.at(in.raster.block(slot));
+    const Block& block = in.raster.block(slot);
+    entries[slot] = &in.working_set.at(block);
+    if (in.decay.isOn() && in.raster.endsIn(slot)) in.decay.add(block);
   }
   std::vector<char> changed(entries.size());
   in.pool.run(entries.size(), kBlocksWorthSharing, [&](std::size_t slot, int worker) {
@@ -217,7 +221,9 @@ InsertReport OccupancyMap::insertScan(const Scan& scan) {
     in.working_set.setChanged(*entries[slot]);
     report.changed_blocks.push_back(entries[slot]->block);
   }
-  std::sort(report.changed_blocks.begin(), report.changed_blocks.end());
+  std::vector<Block>& blocks = report.changed_blocks;
+  std::sort(blocks.begin(), blocks.end());
+  blocks.erase(std::unique(blocks.begin(), blocks.end()), blocks.end());
   in.working_set.trim(tree_);
   return report;
 }
@@ -226,12 +232,38 @@ bool OccupancyMap::Insertion::update(std::uint32_t slot, WorkingSet::Entry& entr
                                      Buffer& buffer) const {
   if (!entry.loaded) working_set.load(entry, tree, buffer.dense);
   raster.gather(slot, buffer.mask);
+  if (decay.isOn()) decay.see(entry.block, buffer.mask);
   const bool changed = entry.voxels.update(buffer.mask, model, settle, buffer.dense);
   std::vector<std::pair<int, float>> returns;
   for (auto [r, end] = marksOf(slot, reflectivity); r != end; ++r) returns.emplace_back(r->voxel, r->value);
   if (!returns.empty()) entry.voxels.addReflectivity(returns, buffer.dense);
   for (auto [s, end] = marksOf(slot, selected); s != end; ++s) entry.selected.push_back(s->voxel);
   return changed || !returns.empty() || !entry.selected.empty();
+}
+
+std::vector<Block> OccupancyMap::Insertion::forget(double time, const RTree& tree) {
+  std::vector<Block> changed;
+  if (!decay.isOn()) return changed;
+  DenseBlock& dense = buffers[0]->dense;
+  for (const Decay::Due& due : decay.advance(time)) {
+    WorkingSet::Entry& entry = working_set.at(due.block);
+    if (!entry.loaded) working_set.load(entry, tree, dense);
+    bool any = entry.voxels.decay(due.seen.get(), model, dense);
+    for (int step = 1; step < due.steps && entry.voxels.decay(nullptr, model, dense); ++step) any = true;
+    if (!entry.voxels.anyOccupied(model)) decay.remove(due.block);
+    if (!any) continue;
+    working_set.setChanged(entry);
+    changed.push_back(due.block);
+  }
+  return changed;
+}
+
+void OccupancyMap::startDecay() {
+  if (!insertion_->decay.isOn()) return;
+  tree_.visitOccupied([this](const Cell& cell) {
+    insertion_->decay.add(blockOf({cell.box.min[0], cell.box.min[1], cell.box.min[2]}));
+    return true;
+  });
 }
 
 std::vector<Block> OccupancyMap::clearBox(const Eigen::Vector3d& min, const Eigen::Vector3d& max) {
@@ -298,7 +330,7 @@ std::vector<Cell> OccupancyMap::nearestOccupied(const Eigen::Vector3d& point, st
 }
 
 std::size_t OccupancyMap::memoryUsage() const {
-  return tree_.memoryUsage() + insertion_->working_set.memoryUsage();
+  return tree_.memoryUsage() + insertion_->working_set.memoryUsage() + insertion_->decay.memoryUsage();
 }
 
 Statistics OccupancyMap::statistics() const {

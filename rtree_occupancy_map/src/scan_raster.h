@@ -34,6 +34,7 @@ class ScanRaster {
 
   std::size_t size() const { return index_.size(); }
   const Block& block(std::size_t slot) const { return index_[slot]; }
+  bool endsIn(std::size_t slot) const { return slots_[slot].hit != nullptr; }
   /// The number of a block in this scan, taken up if it is new.
   std::uint32_t slotOf(const Block& block);
   /// What the scan does in a block; after finish().

@@ -4,6 +4,7 @@
 // sensors.
 #include <rosgraph_msgs/Log.h>
 
+#include <cmath>
 #include <string>
 #include <vector>
 
@@ -101,6 +102,41 @@ TEST_F(MappingInput, TwoSensorsOfWhichOneIsLateLoseNothing) {
   expectDiagnostic("Input", "Points mapped", std::to_string(2 * kClouds * 300));
   expectDiagnostic("Input", "Dropped: no transform", "0");
   EXPECT_NE("", diagnostic("Input", "Clouds of rear/points (Hz)"));
+}
+
+TEST_F(MappingInput, TheGroundOnlyClears) {
+  setParam("filter_ground", true);
+  setParam("base_frame_id", frame("base"));
+  ASSERT_TRUE(load());
+  const auto sensor = poseOf(1, 2, 2.5), base = poseOf(1, 2, 1.0);
+  sendStaticPose("sensor", sensor);
+  sendStaticPose("base", base);
+  std::vector<Eigen::Vector3f> points;
+  for (int i = 0; i < 2000; ++i) {  // the ground of the base is 1.5 m below the sensor
+    const float angle = 0.01F * static_cast<float>(i), range = 2.0F + 0.003F * static_cast<float>(i);
+    points.emplace_back(range * std::cos(angle), range * std::sin(angle), -1.5F);
+  }
+  for (int i = 0; i < 100; ++i) points.emplace_back(3.0F, 0.03F * static_cast<float>(i), -0.75F);
+  send(makeCloud(points), "sensor");
+  expectDiagnostic("Input", "Points that only clear: the ground", "2000");
+  const auto occupied = cellsInBox(100.0, true).cells;
+  EXPECT_FALSE(occupied.empty());
+  for (const MapCell& cell : occupied) EXPECT_GT(cell.min.z, 1.3);
+  EXPECT_FALSE(cellsInBox(100.0, false).cells.empty());
+}
+
+TEST_F(MappingInput, ForgetsByTheStampsOfClouds) {
+  setParam("decay_time", 9.0);
+  ASSERT_TRUE(load());
+  sendStaticPose("sensor", poseOf(0.1, 0.1, 0.1));
+  for (int i = 0; i < 5; ++i) send(makeCloud({{3, 0, 0}}), "sensor", ros::Time(1000.0 + 0.1 * i));
+  expectDiagnostic("Input", "Inserted", "5");
+  EXPECT_EQ(1u, cellsInBox(100.0, true).cells.size());
+  send(makeCloud({{0, 3, 0}}), "sensor", ros::Time(1011.0));
+  EXPECT_TRUE(waitFor([&] {
+    const auto cells = cellsInBox(100.0, true).cells;
+    return cells.size() == 1 && cells[0].max.y > 3.0;
+  }));
 }
 
 TEST_F(MappingInput, SeveralTopicsInOneString) {

@@ -157,13 +157,16 @@ class OccupancyMap {
   void save(const std::string& path) const;
   /// @throws std::runtime_error that says what is wrong with the file: foreign, another version, truncated,
   /// corrupted
-  /// @param machine options of which threads and working_set_memory are taken, which a file doesn't settle
+  /// @param machine options of which threads, working_set_memory and, where the file's sensor model allows
+  /// it, decay_time are taken, which a file doesn't settle
   static OccupancyMap load(const std::string& path, const Options& machine = {});
 
  private:
   struct Insertion;
 
   static OccupancyMap restore(const Options& options, std::vector<Cell> cells);
+  // The tree was filled in another way than by scans.
+  void startDecay();
   void check(const Scan& scan) const;
   void rasterize(const Scan& scan, InsertReport& report);
   // The tree with the cells of those blocks up to date that overlap the region, or whose boxes pass

@@ -55,6 +55,7 @@ struct Options {
   std::uint64_t seed = 1;
   bool dynamic = true;
   bool reflectivity = false;
+  double decay_time = 0.0;  ///< s, 0: none
   int threads = 0;
   double working_set_memory = 64.0;  ///< MiB
   RTreeOptions tree;                 ///< those that it doesn't describe are set by the map
@@ -67,6 +68,13 @@ struct Options {
       "true: what moved away is cleared; false: what has reached a clamping threshold is no longer updated, "
       "as in the "
       "thesis (2.5.1), which costs less time");
+    o("decay_time", decay_time, "s",
+      "an obstacle that no beam has met or crossed for so long is forgotten: step by step, each as a miss, "
+      "from the "
+      "upper clamping threshold until it is no longer occupied, and then unknown; what settled less goes "
+      "sooner. Free "
+      "space stays. 0: nothing is forgotten")
+        .atLeast(0.0);
     o("sensor_model/type", sensor_model, "", "");
     o("sensor_model/hit", prob_hit, "",
       "probability of being occupied where a beam ends: higher settles sooner")
@@ -117,6 +125,8 @@ struct Options {
               "sensor_model/prior", "miss to hit, between the clamping thresholds");
     o.require(occupancy_threshold > clamping_min && occupancy_threshold < clamping_max,
               "sensor_model/occupancy_threshold", "between the clamping thresholds");
+    o.require(decay_time == 0.0 || (dynamic && prob_miss < prior), "decay_time",
+              "0, unless dynamic is true and sensor_model/miss below the prior");
     o.require(max_range > min_range, "sensor_model/max_range", "more than min_range");
   }
 };

@@ -9,6 +9,7 @@ namespace rtree_occupancy_map {
 
 /// One scan in the map frame, metres.
 struct Scan {
+  double time = 0.0;                                 ///< s, when it was measured; for Options::decay_time
   Eigen::Vector3f origin = Eigen::Vector3f::Zero();  ///< where the beams start
   std::vector<Eigen::Vector3f> hits;  ///< where they were reflected; non-finite points are counted, not used
   std::vector<float> reflectivity;    ///< empty, or one value for each hit

@@ -54,6 +54,9 @@ struct Activity {
 // A sweep's poses that tf is asked for: 3 ms apart at 10 Hz.
 constexpr int kPoses = 33;
 
+template <class Message>
+constexpr bool is_cloud = std::is_same_v<Message, sensor_msgs::PointCloud2>;
+
 bool isEmpty(const sensor_msgs::PointCloud2& cloud) {
   return cloud.width == 0 || cloud.height == 0;
 }
@@ -98,7 +101,9 @@ class MappingNodelet : public mapping_common::Nodelet {
   template <class Message>
   std::function<SweepTimes(const Message&)> sweepOf() const;
   SensorPath pathOf(const std::string& frame, const ros::Time& stamp, const SweepTimes& times) const;
+  Eigen::Isometry3d latestPose(const std::string& frame, const ros::Time& stamp) const;
   void leaveOutBody(const ros::Time& stamp, Scan& scan);
+  void filterGround(const ros::Time& stamp, Scan& scan);
   void warnOfFrame(const std::string& cloud_frame);
 
   void castRay(const CastRay::Request& request, CastRay::Response& response) const;
@@ -121,10 +126,11 @@ class MappingNodelet : public mapping_common::Nodelet {
 
   ros::WallTimer publish_timer_;
 
-  mapping_common::Throttle frame_throttle_{60.0}, far_throttle_{60.0}, body_throttle_{60.0};
+  mapping_common::Throttle frame_throttle_{60.0}, far_throttle_{60.0}, body_throttle_{60.0},
+      ground_throttle_{60.0};
   Activity activity_;
   InsertReport points_;  // sums over all scans
-  std::size_t inserted_ = 0, points_outside_z_ = 0, points_of_body_ = 0;
+  std::size_t inserted_ = 0, points_outside_z_ = 0, points_of_body_ = 0, points_of_ground_ = 0;
 };
 
 MappingNodelet::~MappingNodelet() {
@@ -200,21 +206,32 @@ std::function<SweepTimes(const Message&)> MappingNodelet::sweepOf() const {
   return [](const Message& message) { return isEmpty(message) ? SweepTimes() : sweepTimesOf(message); };
 }
 
-// A part whose transform at the stamp hasn't come yet, as of an arm, is where it was last.
-void MappingNodelet::leaveOutBody(const ros::Time& stamp, Scan& scan) {
+// A frame whose transform at the stamp hasn't come yet, as of an arm, is where it was last.
+Eigen::Isometry3d MappingNodelet::latestPose(const std::string& frame, const ros::Time& stamp) const {
   const tf2_ros::Buffer& buffer = arrivals_->queue().buffer();
+  const std::string source = mapping_common::withoutSlash(frame),
+                    map_frame = mapping_common::withoutSlash(parameters_.display.frame_id);
+  const bool known = buffer.canTransform(map_frame, source, stamp);
+  return tf2::transformToEigen(buffer.lookupTransform(map_frame, source, known ? stamp : ros::Time(0)));
+}
+
+void MappingNodelet::leaveOutBody(const ros::Time& stamp, Scan& scan) {
   for (const BodyBox& part : robot_body_) {
-    const std::string frame = mapping_common::withoutSlash(part.frame),
-                      map_frame = mapping_common::withoutSlash(parameters_.display.frame_id);
     try {
-      const bool known = buffer.canTransform(map_frame, frame, stamp);
-      const Eigen::Isometry3d pose =
-          tf2::transformToEigen(buffer.lookupTransform(map_frame, frame, known ? stamp : ros::Time(0)));
-      points_of_body_ += removeHitsIn(part.box, pose, scan);
+      points_of_body_ += removeHitsIn(part.box, latestPose(part.frame, stamp), scan);
     } catch (const tf2::TransformException& e) {
       if (body_throttle_())
         NODELET_WARN_STREAM("~robot_body: returns of " << part.frame << " aren't left out: " << e.what());
     }
+  }
+}
+
+void MappingNodelet::filterGround(const ros::Time& stamp, Scan& scan) {
+  try {
+    points_of_ground_ +=
+        clearGround(parameters_.ground_filter, latestPose(parameters_.base_frame_id, stamp), scan);
+  } catch (const tf2::TransformException& e) {
+    if (ground_throttle_()) NODELET_WARN_STREAM("~filter_ground: the ground isn't left out: " << e.what());
   }
 }
 
@@ -250,7 +267,6 @@ SensorPath MappingNodelet::pathOf(const std::string& frame, const ros::Time& sta
 template <class Message>
 ConvertedScan MappingNodelet::convert(const Message& message,
                                       const mapping_common::Arrivals::Transforms& transforms) const {
-  constexpr bool is_cloud = std::is_same_v<Message, sensor_msgs::PointCloud2>;
   if (!parameters_.undistort) {
     ConvertedScan converted = toScan(message, transforms.message, parameters_.scan);
     if (transforms.other) converted.scan.origin = transforms.other->translation().cast<float>();
@@ -258,7 +274,7 @@ ConvertedScan MappingNodelet::convert(const Message& message,
   }
   const SweepTimes times = sweepTimesOf(message);
   const SensorPath path = pathOf(message.header.frame_id, message.header.stamp, times);
-  if constexpr (is_cloud) {
+  if constexpr (is_cloud<Message>) {
     const SensorPath origin =
         transforms.other ? pathOf(parameters_.sensor_frame_id, message.header.stamp, times) : path;
     return toScan(message, path, origin, parameters_.scan);
@@ -271,9 +287,12 @@ template <class Message>
 void MappingNodelet::insert(const Message& message, const mapping_common::Arrivals::Transforms& transforms) {
   if (isEmpty(message)) return arrivals_->drops().add(kEmpty, "nothing was measured in it");
   ConvertedScan converted = convert(message, transforms);
-  leaveOutBody(message.header.stamp, converted.scan);
+  Scan& scan = converted.scan;
+  scan.time = message.header.stamp.toSec();
+  leaveOutBody(message.header.stamp, scan);
+  if (is_cloud<Message> && parameters_.filter_ground) filterGround(message.header.stamp, scan);
   const ros::WallTime start = ros::WallTime::now();
-  const InsertReport report = map_.insertScan(converted.scan);
+  const InsertReport report = map_.insertScan(scan);
   const double time = (ros::WallTime::now() - start).toSec();
   publisher_->changed(report.changed_blocks, message.header.stamp);
 
@@ -418,6 +437,7 @@ void MappingNodelet::diagnoseInput(StatusWrapper& status) {
   status.add("Points left out: too near", points_.too_near);
   status.add("Points left out: limits in z", points_outside_z_);
   status.add("Points left out: the robot's own body", points_of_body_);
+  status.add("Points that only clear: the ground", points_of_ground_);
   status.add("Points left out: outside of the map", points_.outside);
   status.add("Points cut at max_range", points_.beyond_range);
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <rtree_occupancy_map/ground_filter.h>
 #include <rtree_occupancy_map/options.h>
 #include <rtree_occupancy_map/ros/map_formats.h>
 #include <rtree_occupancy_map/ros/map_publisher.h>
@@ -20,6 +21,9 @@ struct MappingParameters {
   std::string cloud_topics = "cloud_in";
   int queue_size = 10;
   std::string sensor_frame_id, robot_body;
+  bool filter_ground = false;
+  std::string base_frame_id = "base_footprint";
+  GroundFilterOptions ground_filter;
   bool undistort = false;
   double transform_timeout = 0.5;
   double transform_tolerance = 0.0;
@@ -63,6 +67,13 @@ struct MappingParameters {
     o("robot_body", robot_body, "m",
       "the robot's own parts: returns in these boxes are left out, and don't clear. Each is a frame and two "
       "corners in it, 'base_link -0.4 -0.3 0 0.4 0.3 1.2', with a ; between boxes");
+    o("filter_ground", filter_ground, "",
+      "true: returns from the ground clear and don't occupy, for planners that take all that is occupied for "
+      "an "
+      "obstacle");
+    o("base_frame_id", base_frame_id, "", "filter_ground: a frame at whose z = 0 the ground is, z upwards")
+        .notEmpty();
+    o.group("ground_filter", "which returns are the ground", ground_filter);
     o.section("the output");
     o("publish_rate", publish_rate, "Hz", "what changed is published this often at most")
         .within(0.1, 100.0)
