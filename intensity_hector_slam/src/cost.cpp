@@ -18,7 +18,7 @@ std::unique_ptr<Cost> make(const MatcherOptions& options) {
 const mapping_common::Table<MakeCost>& costs() {
   static const mapping_common::Table<MakeCost> table{
       {"occupancy", make<CostOf<Occupancy>>, "1 - M(S_i), Hector SLAM's"},
-      {"reflectivity", make<CostOf<Reflectivity>>, "rho_i - R(S_i), Eq. 3.6"},
+      {"reflectivity", make<CostOf<Hits, Reflectivity>>, "rho_i - R(S_i), Eq. 3.6"},
       {"combined", make<CostOf<Occupancy, Reflectivity>>, "both, weighted"},
       {"auto", make<AutoCost>, "occupancy where reflectivity is unknown or too sparse, else both"}};
   return table;

@@ -28,11 +28,13 @@ class Cost {
                              const Pose& /*guess*/) const {
     return *this;
   }
+  /// The residuals of this cost that tell where surfaces are, alone; this, where there are no others.
+  virtual const Cost& geometry() const { return *this; }
   /// Over the first beams.
   virtual Linearization linearize(const GridMap& map, const Beams& beams, const Pose& pose,
                                   std::size_t count) const = 0;
-  /// The sums of robust costs alone, over all beams, of the residuals of each channel.
-  virtual Eigen::Vector2d values(const GridMap& map, const Beams& beams, const Pose& pose) const = 0;
+  /// The costs and the shares of the beams alone, over all.
+  virtual Linearization values(const GridMap& map, const Beams& beams, const Pose& pose) const = 0;
   /// The best of the poses around a guess, see searchWindow.
   virtual Pose search(const GridMap& map, const Beams& beams, const Pose& guess) const = 0;
 

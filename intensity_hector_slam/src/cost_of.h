@@ -16,19 +16,33 @@
 
 namespace intensity_hector_slam {
 
-/// Where a beam ends, or several: T is float, or Eigen::Array4f of kLanes beams.
-template <class T>
-struct BeamEnd {
-  T map;           ///< M(S_i) or R(S_i), by the residual's channel
-  T reflectivity;  ///< rho_i, 0 where it isn't known
-  T known;         ///< 1 where it is, else 0
-  T valid;         ///< 1; 0 for what fills up the last of several
+/// Where kLanes beams end.
+struct BeamEnds {
+  Eigen::Map<const Eigen::Array4f> reflectivity;  ///< rho_i, 0 where it isn't known
+  Eigen::Map<const Eigen::Array4f> known;         ///< 1 where it is, else 0
+  Eigen::Map<const Eigen::Array4f> valid;         ///< 1; 0 for what fills up the last of several
 };
 
-/// Calls `use` for the first beams, kLanes at a time, with the index of the first, both channels of the map
-/// where they end (M and R with their derivatives by place), and the derivatives of S_i by the angle, in
-/// cells.
-template <class Use>
+/// A residual, its derivatives by the place of the beam's end (cells), negative, and the share of the beam
+/// that counts.
+struct Residual {
+  Eigen::Array4f e, dx, dy, share;
+};
+
+/// What the map has where beams end. Cells without a hit have no reflectivity. As black ones they make steps
+/// at the edges of each wall, which are those of the grid and higher than those between a door and the wall
+/// beside it: along a wall that is oblique to the cells, they hold a pose where it is.
+struct Layers {
+  Bilinear<Eigen::Array4f> occupancy;     ///< M
+  Bilinear<Eigen::Array4f> black;         ///< R, cells without a hit as 0
+  Bilinear<Eigen::Array4f> coverage;      ///< K, the share of those that have a reflectivity
+  Bilinear<Eigen::Array4f> reflectivity;  ///< R between those
+};
+
+/// Calls `use` for the first beams, kLanes at a time, with the index of the first, the layers of the map
+/// where they end, and the derivatives of S_i by the angle, in cells.
+/// @tparam kReflectivities whether the layers that are about them are wanted
+template <bool kReflectivities, class Use>
 void forBeams(const GridMap& map, const Beams& beams, const Pose& pose, std::size_t count, const Use& use) {
   using Eigen::Array4f;
   // Of kLanes cells, with the ones right of them: P, R, P and R of those right.
@@ -52,6 +66,7 @@ void forBeams(const GridMap& map, const Beams& beams, const Pose& pose, std::siz
   // Conversion to int cuts off: moved up by one, coordinates from -1 on are rounded down, so that the column
   // and row of what is just outside are -1, not 0. Those of what is far outside stay within the range of int.
   const Array4f max_u = Array4f::Constant(map.width() + 1.0f), max_v = Array4f::Constant(map.height() + 1.0f);
+  Layers layers;
   for (std::size_t first = 0; first < count; first += kLanes) {
     const Eigen::Map<const Array4f> x(&beams.x[first]), y(&beams.y[first]);
     const Array4f dx_dtheta = -s * x - c * y, dy_dtheta = c * x - s * y;
@@ -69,80 +84,95 @@ void forBeams(const GridMap& map, const Beams& beams, const Pose& pose, std::siz
     const auto interpolate = [&](int k) {
       return Bilinear<Array4f>(low.col(k), low.col(k + 2), high.col(k), high.col(k + 2), fx, fy);
     };
-    use(first, interpolate(0), interpolate(1), dx_dtheta, dy_dtheta);
+    layers.occupancy = interpolate(0);
+    if constexpr (kReflectivities) {
+      // 1, or 0 without a reflectivity; no select, which isn't vectorised.
+      const auto has = [](const Eigen::Matrix4f& cells, int k) -> Array4f {
+        return (cells.col(k).array().abs() * 1e30f).min(1.0f);
+      };
+      const Bilinear<Array4f>& sum = layers.black = interpolate(1);
+      Bilinear<Array4f>&k = layers.coverage, &r = layers.reflectivity;
+      k = Bilinear<Array4f>(has(low, 1), has(low, 3), has(high, 1), has(high, 3), fx, fy);
+      const Array4f inverse = k.value.max(1e-3f).inverse();
+      r.value = sum.value * inverse;
+      r.dx = (sum.dx - r.value * k.dx) * inverse;
+      r.dy = (sum.dy - r.value * k.dy) * inverse;
+    }
+    use(first, layers, dx_dtheta, dy_dtheta);
   }
 }
 
-/// Each of the Residuals is a class with static members:
-///   Channel kChannel;                       what of the map it looks at
-///   double weight(const MatcherOptions&)    of its squares, where there are other residuals beside it
-///   T residual(const BeamEnd<T>&)           e
-///   T or float slope(const BeamEnd<T>&)     -de / dM or -de / dR
-///   T counts(const BeamEnd<T>&)             1 for beams that count, else 0
-/// Eq. 3.9 follows from these, and so do the search of a window and the covariance.
+/// Each of the Residuals is a class with
+///   Residuals(const MatcherOptions&)
+///   static constexpr Channel kChannel
+///   static constexpr bool kReflectivities   whether it looks at any
+///   float weight                            of its squares, where there are other residuals beside it
+///   float scale                             of the robust kernel
+///   Residual at(const BeamEnds&, const Layers&)
+///   float square(const GridMap::Cell&, float reflectivity, float known): e^2 in the search of a window
+/// Eq. 3.9 follows from these, and so do the search and the covariance.
 template <class... Residuals>
 class CostOf : public Cost {
  public:
-  explicit CostOf(const MatcherOptions& options)
-      : options_(options),
-        weights_{(sizeof...(Residuals) > 1 ? static_cast<float>(Residuals::weight(options)) : 1.0f)...} {}
+  explicit CostOf(const MatcherOptions& options) : options_(options), residuals_(Residuals(options)...) {
+    using First = std::tuple_element_t<0, std::tuple<Residuals...>>;
+    if constexpr (sizeof...(Residuals) > 1 && First::kChannel == Channel::kOccupancy)
+      if (std::get<0>(residuals_).weight > 0.0f) geometry_ = std::make_unique<CostOf<First>>(options);
+  }
+
+  const Cost& geometry() const override { return geometry_ ? *geometry_ : static_cast<const Cost&>(*this); }
 
   bool uses(Channel channel) const override {
     bool uses = false;
-    forEach([&](auto residual, std::size_t k) {
-      uses = uses || (residual.kChannel == channel && weights_[k] > 0.0f);
-    });
+    forEach(
+        [&](const auto& kind, std::size_t) { uses = uses || (kind.kChannel == channel && isUsed(kind)); });
     return uses;
   }
 
   Linearization linearize(const GridMap& map, const Beams& beams, const Pose& pose,
                           std::size_t count) const override {
     AllSums sums = noSums();
-    forBeams(map, beams, pose, count,
-             [&](std::size_t first, const auto& m, const auto& r, const auto& dx, const auto& dy) {
-               forEach([&](auto residual, std::size_t k) {
-                 if (!(weights_[k] > 0.0f)) return;
-                 const auto& there = residual.kChannel == Channel::kOccupancy ? m : r;
-                 const auto end = lanesOf(beams, first, there.value);
-                 const auto slope = residual.slope(end);
-                 const Eigen::Array4f by_x = slope * there.dx, by_y = slope * there.dy;
-                 sums[k].add(residual.residual(end), by_x, by_y, by_x * dx + by_y * dy, residual.counts(end));
-               });
-             });
+    forBeams<kReflectivities>(map, beams, pose, count,
+                              [&](std::size_t first, const Layers& layers, const auto& dx, const auto& dy) {
+                                const BeamEnds ends = endsOf(beams, first);
+                                forEach([&](const auto& kind, std::size_t k) {
+                                  if (!isUsed(kind)) return;
+                                  const Residual r = kind.at(ends, layers);
+                                  sums[k].add(r.e, r.dx, r.dy, r.dx * dx + r.dy * dy, r.share);
+                                });
+                              });
     Linearization result;
-    const double cells = 1.0 / map.resolution();
-    forEach([&](auto residual, std::size_t k) {
-      sums[k].addTo(result, result.of(residual.kChannel), weights_[k], cells);
+    forEach([&](const auto& kind, std::size_t k) {
+      sums[k].addTo(result.of(kind.kChannel), weightOf(kind), 1.0 / map.resolution());
     });
     return result;
   }
 
-  Eigen::Vector2d values(const GridMap& map, const Beams& beams, const Pose& pose) const override {
+  Linearization values(const GridMap& map, const Beams& beams, const Pose& pose) const override {
     AllSums sums = noSums();
-    forBeams(map, beams, pose, beams.count,
-             [&](std::size_t first, const auto& m, const auto& r, const auto&, const auto&) {
-               forEach([&](auto residual, std::size_t k) {
-                 if (!(weights_[k] > 0.0f)) return;
-                 const auto& there = residual.kChannel == Channel::kOccupancy ? m : r;
-                 const auto end = lanesOf(beams, first, there.value);
-                 sums[k].add(residual.residual(end), residual.counts(end));
-               });
-             });
-    Eigen::Vector2d values = Eigen::Vector2d::Zero();
-    forEach([&](auto residual, std::size_t k) {
-      values[static_cast<int>(residual.kChannel)] += weights_[k] * sums[k].cost();
+    forBeams<kReflectivities>(map, beams, pose, beams.count,
+                              [&](std::size_t first, const Layers& layers, const auto&, const auto&) {
+                                const BeamEnds ends = endsOf(beams, first);
+                                forEach([&](const auto& kind, std::size_t k) {
+                                  if (!isUsed(kind)) return;
+                                  const Residual r = kind.at(ends, layers);
+                                  sums[k].add(r.e, r.share);
+                                });
+                              });
+    Linearization result;
+    forEach([&](const auto& kind, std::size_t k) {
+      NormalEquation& equation = result.of(kind.kChannel);
+      equation.cost += weightOf(kind) * sums[k].cost();
+      equation.beams += sums[k].beams();
     });
-    return values;
+    return result;
   }
 
   Pose search(const GridMap& map, const Beams& beams, const Pose& guess) const override {
     return searchWindow(map, beams, guess, options_, [&](const GridMap::Cell& cell, std::size_t i) {
       float sum = 0.0f;
-      forEach([&](auto residual, std::size_t k) {
-        const float there = residual.kChannel == Channel::kOccupancy ? cell.occupancy : cell.reflectivity;
-        const BeamEnd<float> end{there, beams.reflectivity[i], beams.known[i], beams.valid[i]};
-        const float e = residual.residual(end);
-        sum += weights_[k] * residual.counts(end) * e * e;
+      forEach([&](const auto& kind, std::size_t) {
+        if (isUsed(kind)) sum += kind.square(cell, beams.reflectivity[i], beams.known[i]);
       });
       return sum;
     });
@@ -153,24 +183,35 @@ class CostOf : public Cost {
 
  private:
   using AllSums = std::array<Sums, sizeof...(Residuals)>;
+  static constexpr bool kReflectivities = (Residuals::kReflectivities || ...);
 
+  template <class Kind>
+  static float weightOf(const Kind& kind) {
+    return sizeof...(Residuals) > 1 ? kind.weight : 1.0f;
+  }
+  template <class Kind>
+  static bool isUsed(const Kind& kind) {
+    return weightOf(kind) > 0.0f;
+  }
   AllSums noSums() const {
-    return {(static_cast<void>(sizeof(Residuals)),
-             Sums(options_.robust_kernel, static_cast<float>(options_.robust_scale)))...};
+    return std::apply(
+        [&](const auto&... kind) { return AllSums{Sums(options_.robust_kernel, kind.scale)...}; },
+        residuals_);
   }
   template <class Use>
-  static void forEach(const Use& use) {
+  void forEach(const Use& use) const {
     std::size_t k = 0;
-    (use(Residuals(), k++), ...);
+    std::apply([&](const auto&... kind) { (use(kind, k++), ...); }, residuals_);
   }
-  static BeamEnd<Eigen::Array4f> lanesOf(const Beams& beams, std::size_t first, const Eigen::Array4f& map) {
+  static BeamEnds endsOf(const Beams& beams, std::size_t first) {
     const auto lanes = [first](const std::vector<float>& values) {
       return Eigen::Map<const Eigen::Array4f>(&values[first]);
     };
-    return {map, lanes(beams.reflectivity), lanes(beams.known), lanes(beams.valid)};
+    return {lanes(beams.reflectivity), lanes(beams.known), lanes(beams.valid)};
   }
 
-  std::array<float, sizeof...(Residuals)> weights_;
+  std::tuple<Residuals...> residuals_;
+  std::unique_ptr<Cost> geometry_;
 };
 
 }  // namespace intensity_hector_slam

@@ -7,6 +7,7 @@ namespace intensity_hector_slam {
 /// and g_l. Coefficient by coefficient: both channels of a point, or one of several points.
 template <class Array>
 struct Bilinear {
+  Bilinear() = default;
   /// @param i, j, k, l the cell g_i, g_j right of it, g_k above it, g_l above g_j
   /// @param fx, fy where the point is between the centres of the cells, 0 to 1
   template <class Fraction>

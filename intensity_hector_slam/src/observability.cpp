@@ -16,20 +16,21 @@ using Eigen::Vector3d;
 struct Known {
   SurfacePiece piece;
   Vector3d across, along;  // J, with angles in units of length
-  double points;           // on occupied cells
+  double share;            // of its points on occupied cells
 };
 
-// The mean over the pieces, of what each tells about a motion.
+// How far what the pieces tell of a motion is beyond what the noise of their reflectivities would pretend, in
+// standard deviations of that: the texture of each piece is about of a chi-squared distribution without any.
 double textureAlong(const Vector3d& motion, const Scan& scan, const std::vector<Known>& surface) {
-  double sum = 0.0, weights = 0.0;
+  double sum = 0.0, variance = 0.0;
   for (const Known& known : surface) {
     const double there = texture(scan, known.piece);
     if (std::isnan(there)) continue;
-    const double part = known.along.dot(motion), weight = known.points * part * part;
-    sum += weight * there;
-    weights += weight;
+    const double part = known.along.dot(motion), weight = known.share * part * part;
+    sum += weight * (there - 1.0);
+    variance += 2.0 * weight * weight;
   }
-  return weights > 0.0 ? sum / weights : 0.0;
+  return variance > 0.0 ? sum / std::sqrt(variance) : 0.0;
 }
 
 }  // namespace
@@ -38,28 +39,26 @@ Overlap overlapOf(const GridMap& map, const Beams& beams, const Pose& pose) {
   const double cells = 1.0 / map.resolution();
   const float c = cells * std::cos(pose.z()), s = cells * std::sin(pose.z());
   const float u0 = cells * (pose.x() - map.origin().x()), v0 = cells * (pose.y() - map.origin().y());
-  Overlap overlap;
-  overlap.occupied.assign(beams.count, 0);
   std::size_t occupied = 0, free = 0;
   for (std::size_t i = 0; i < beams.count; ++i) {
     const float u = c * beams.x[i] - s * beams.y[i] + u0, v = s * beams.x[i] + c * beams.y[i] + v0;
     if (!(u >= 0.0f && v >= 0.0f && u < map.width() && v < map.height())) continue;
     const GridMap::Cell& cell = map.cell(static_cast<int>(u), static_cast<int>(v));
-    overlap.occupied[i] = GridMap::isOccupied(cell);
-    occupied += overlap.occupied[i];
+    occupied += GridMap::isOccupied(cell);
     free += GridMap::isFree(cell);
   }
   const double n = std::max<std::size_t>(1, beams.count);
-  overlap.share_occupied = occupied / n;
-  overlap.share_free = free / n;
-  return overlap;
+  return {occupied / n, free / n};
 }
 
-Observability observe(const Scan& scan, const Overlap& overlap, const Pose& pose, double mean_range,
+Observability observe(const Scan& scan, const GridMap& map, const Pose& pose, double mean_range,
                       bool uses_occupancy, bool uses_reflectivity, const MatcherOptions& options) {
+  constexpr std::size_t kStride = 3;  // of the points that are looked up
   std::vector<Known> surface;
+  double all = 0.0, there = 0.0;
   Matrix3d information = Matrix3d::Zero();
   const Eigen::Rotation2Dd rotation(pose.z());
+  const Eigen::Isometry2d to_map = isometry(pose);
   for (const SurfacePiece& piece : surfacePieces(scan, options.surface_length)) {
     const auto jacobian = [&](const Eigen::Vector2d& direction) {
       const double by_angle = direction.y() * piece.centre.x() - direction.x() * piece.centre.y();
@@ -67,16 +66,26 @@ Observability observe(const Scan& scan, const Overlap& overlap, const Pose& pose
       j << rotation * direction, by_angle / mean_range;
       return j;
     };
-    const auto occupied = overlap.occupied.begin();
-    const double points = std::count(occupied + piece.begin, occupied + piece.end, 1);
-    const Known known{piece, jacobian(piece.normal), jacobian({piece.normal.y(), -piece.normal.x()}), points};
+    double looked_up = 0.0, occupied = 0.0;
+    for (std::size_t i = piece.begin; i < piece.end; i += kStride) {
+      const GridMap::Cell* const cell = map.find(to_map * scan.points[i].cast<double>());
+      looked_up += 1.0;
+      occupied += cell && GridMap::isOccupied(*cell);
+    }
+    const Known known{piece, jacobian(piece.normal), jacobian({piece.normal.y(), -piece.normal.x()}),
+                      occupied / looked_up};
     // Noise turns normals, which looks like information along the surface.
-    information += points * (known.across * known.across.transpose() -
-                             piece.normal_variance * known.along * known.along.transpose());
+    const double points = piece.end - piece.begin;
+    all += points;
+    there += known.share * points;
+    information += known.share * points *
+                   (known.across * known.across.transpose() -
+                    piece.normal_variance * known.along * known.along.transpose());
     surface.push_back(known);
   }
   const Eigen::SelfAdjointEigenSolver<Matrix3d> solver(information);
   Observability result;
+  result.share = all > 0.0 ? there / all : 0.0;
   for (int i = 0; i < 3; ++i) {
     const double share =
         std::max(0.0, solver.eigenvalues()[i]) / std::max(kLeastInformation, solver.eigenvalues().z());

@@ -2,8 +2,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <cstdint>
-#include <vector>
 
 #include "intensity_hector_slam/beams.h"
 #include "intensity_hector_slam/grid_map.h"
@@ -14,10 +12,9 @@ namespace intensity_hector_slam {
 /// occupied cell are near 0.
 constexpr double kLeastInformation = 1e-3;
 
-/// Where the points of a scan are on a map.
+/// Shares of a scan's points in cells known as occupied and as free.
 struct Overlap {
-  std::vector<std::uint8_t> occupied;  ///< of each point, 1 where the cell is known as occupied
-  double share_occupied = 0.0, share_free = 0.0;
+  double occupied = 0.0, free = 0.0;
 };
 Overlap overlapOf(const GridMap& map, const Beams& beams, const Pose& pose);
 
@@ -26,6 +23,7 @@ Overlap overlapOf(const GridMap& map, const Beams& beams, const Pose& pose);
 struct Observability {
   Eigen::Matrix3d occupancy = Eigen::Matrix3d::Identity(), reflectivity = Eigen::Matrix3d::Identity();
   bool full = true;
+  double share = 0.0;  ///< of the surfaces' points on those that the map has
 };
 
 /// What a scan can tell at most depends on its surfaces alone, by Fisher's information (A. Censi, "On
@@ -33,7 +31,7 @@ struct Observability {
 /// occupancy, n the normal. Along the surfaces, only their reflectivity tells. Surfaces that the map doesn't
 /// have tell nothing.
 /// @param mean_range m, of the scan
-Observability observe(const Scan& scan, const Overlap& overlap, const Pose& pose, double mean_range,
+Observability observe(const Scan& scan, const GridMap& map, const Pose& pose, double mean_range,
                       bool uses_occupancy, bool uses_reflectivity, const MatcherOptions& options);
 
 }  // namespace intensity_hector_slam

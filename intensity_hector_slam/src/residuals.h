@@ -15,12 +15,11 @@ class Sums {
   Sums(RobustKernel kernel, float scale)
       : kernel_(kernel), scale_(scale), inverse_square_(1.0f / (scale * scale)) {}
 
-  // e: residual; dx, dy, dt: J, the derivatives of -e by the pose, in cells and radians; mask: 0 for beams
-  // that don't count
-  void add(Eigen::Array4f e, const Eigen::Array4f& dx, const Eigen::Array4f& dy, const Eigen::Array4f& dt,
-           const Eigen::Array4f& mask) {
-    e *= mask;
-    const Eigen::Array4f w = mask * weigh(e);
+  // e: residual; dx, dy, dt: J, the derivatives of -e by the pose, in cells and radians; share: 0 to 1, of
+  // each beam that counts
+  void add(const Eigen::Array4f& e, const Eigen::Array4f& dx, const Eigen::Array4f& dy,
+           const Eigen::Array4f& dt, const Eigen::Array4f& share) {
+    const Eigen::Array4f square = share * e.square(), w = share * weigh(square);
     const Eigen::Array4f wx = w * dx, wy = w * dy, wt = w * dt;
     xx_ += wx * dx;
     xy_ += wx * dy;
@@ -33,19 +32,24 @@ class Sums {
     te_ += wt * e;
     squares_ += w * e.square();
     weights_ += w;
+    beams_ += share;
   }
 
   // The cost alone.
-  void add(const Eigen::Array4f& e, const Eigen::Array4f& mask) { weigh(e * mask); }
+  void add(const Eigen::Array4f& e, const Eigen::Array4f& share) {
+    weigh(share * e.square());
+    beams_ += share;
+  }
   double cost() const { return (cost_ + scale_ * scale_ * product_.log()).sum(); }
+  double beams() const { return beams_.sum(); }
 
   // From cells to metres: derivatives by the angle are per radian already.
-  void addTo(Linearization& total, NormalEquation& equation, double weight, double cells_per_metre) const {
-    total.squares += weight * squares_.sum();
-    total.weights += weight * weights_.sum();
-    const double m = weight * cells_per_metre, mm = m * cells_per_metre;
-    total.cost += weight * cost();
+  void addTo(NormalEquation& equation, double weight, double cells_per_metre) const {
+    equation.squares += squares_.sum();
+    equation.weights += weights_.sum();
+    equation.beams += beams();
     equation.cost += weight * cost();
+    const double m = weight * cells_per_metre, mm = m * cells_per_metre;
     Eigen::Matrix3d hessian;
     hessian << mm * xx_.sum(), mm * xy_.sum(), m * xt_.sum(),  //
         mm * xy_.sum(), mm * yy_.sum(), m * yt_.sum(),         //
@@ -55,12 +59,12 @@ class Sums {
   }
 
  private:
-  // The weights of residuals, whose robust costs are added up.
-  Eigen::Array4f weigh(const Eigen::Array4f& e) {
-    const Eigen::Array4f square = e.square(), relative = square * inverse_square_;
+  // The weights of squared residuals, whose robust costs are added up.
+  Eigen::Array4f weigh(const Eigen::Array4f& square) {
+    const Eigen::Array4f relative = square * inverse_square_;
     switch (kernel_) {
       case RobustKernel::kHuber: {
-        const Eigen::Array4f weight = scale_ / e.abs().max(scale_);
+        const Eigen::Array4f weight = scale_ / square.sqrt().max(scale_);
         cost_ += square * weight * (2.0f - weight);
         return weight;
       }
@@ -90,7 +94,7 @@ class Sums {
   float scale_, inverse_square_;
   Eigen::Array4f xx_ = Eigen::Array4f::Zero(), xy_ = xx_, xt_ = xx_, yy_ = xx_, yt_ = xx_, tt_ = xx_,
                  xe_ = xx_, ye_ = xx_, te_ = xx_;
-  Eigen::Array4f squares_ = xx_, weights_ = xx_, cost_ = xx_, product_ = Eigen::Array4f::Ones();
+  Eigen::Array4f squares_ = xx_, weights_ = xx_, beams_ = xx_, cost_ = xx_, product_ = Eigen::Array4f::Ones();
   int factors_ = 0;
 };
 

@@ -4,6 +4,7 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "cost.h"
 #include "observability.h"
@@ -13,6 +14,10 @@ namespace {
 
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
+
+// Of the surfaces' points on those that the map has, with less of which at the first guess it is too far from
+// the pose to tell what is observable.
+constexpr double kSureShare = 0.5;
 
 // With angles in units of length, so that eigenvalues compare.
 Matrix3d scaled(const Matrix3d& hessian, double length) {
@@ -25,14 +30,15 @@ Matrix3d scaled(const Matrix3d& hessian, double length) {
 // The sum of what the residuals of both channels tell.
 class ScanMatcher::Solver {
  public:
-  Solver(const Linearization& at, double length, const Observability& observability)
+  /// @param gain see Linearization::gain
+  Solver(const Linearization& at, double gain, double length, const Observability& observability)
       : unit_(1.0, 1.0, 1.0 / length) {
-    const auto add = [&](const NormalEquation& equation, const Matrix3d& projection) {
-      hessian_ += projection * scaled(equation.hessian, length) * projection;
-      gradient_ += projection * unit_.asDiagonal() * equation.gradient;
+    const auto add = [&](const NormalEquation& equation, double weight, const Matrix3d& projection) {
+      hessian_ += weight * projection * scaled(equation.hessian, length) * projection;
+      gradient_ += weight * projection * unit_.asDiagonal() * equation.gradient;
     };
-    add(at.occupancy, observability.occupancy);
-    add(at.reflectivity, observability.reflectivity);
+    add(at.occupancy, 1.0, observability.occupancy);
+    add(at.reflectivity, gain, observability.reflectivity);
     solver_.compute(hessian_);
     const Vector3d values = solver_.eigenvalues();
     observable_ = (values.array() >= std::max(kLeastInformation, kSingular * values.z())).count();
@@ -88,6 +94,20 @@ class ScanMatcher::Solver {
   int observable_ = 0;
 };
 
+double Linearization::gain() const {
+  constexpr double kLeastVariance = 1e-4;  // no reflectivity is more exact
+  if (!(occupancy.weights > 0.0 && reflectivity.weights > 0.0)) return 1.0;
+  return occupancy.variance() / std::max(kLeastVariance, reflectivity.variance());
+}
+
+double Linearization::costOf(const Linearization& there) const {
+  constexpr double kLeastBeams = 0.25;  // of those here
+  const double beams = reflectivity.beams;
+  if (there.reflectivity.beams < kLeastBeams * beams) return std::numeric_limits<double>::infinity();
+  const double ratio = beams > 0.0 ? beams / there.reflectivity.beams : 0.0;
+  return there.occupancy.cost + gain() * ratio * there.reflectivity.cost;
+}
+
 ScanMatcher::ScanMatcher(const MatcherOptions& options)
     : options_(mapping_common::validate(options)), cost_(makeCost(options.cost, options)) {}
 
@@ -96,11 +116,10 @@ Linearization ScanMatcher::linearize(const GridMap& map, const Scan& scan, const
   return cost_->linearize(map, beams_, pose, beams_.count);
 }
 
-Observability ScanMatcher::observe(const Scan& scan, const Overlap& overlap, const Pose& pose,
+Observability ScanMatcher::observe(const GridMap& map, const Scan& scan, const Pose& pose,
                                    const Cost& cost) const {
-  return intensity_hector_slam::observe(scan, overlap, pose, beams_.mean_range,
-                                        cost.uses(Channel::kOccupancy), cost.uses(Channel::kReflectivity),
-                                        options_);
+  return intensity_hector_slam::observe(scan, map, pose, beams_.mean_range, cost.uses(Channel::kOccupancy),
+                                        cost.uses(Channel::kReflectivity), options_);
 }
 
 Linearization ScanMatcher::optimize(const GridMap& map, const Cost& cost, const Beams& beams,
@@ -108,30 +127,43 @@ Linearization ScanMatcher::optimize(const GridMap& map, const Cost& cost, const 
                                     double min_distance, double min_angle, Pose& pose,
                                     int& iterations) const {
   // Where the residuals of one channel alone tell a direction, the step along it is theirs. The others count
-  // in the cost nevertheless, where it may rise by them: it doesn't tell then whether a step is good.
+  // in the cost nevertheless, where it may rise by them: it doesn't tell then whether a step is good. One
+  // that goes back tells that those before were too long.
   const bool both = cost.uses(Channel::kOccupancy) && cost.uses(Channel::kReflectivity);
   const bool cost_tells = !both || observability.occupancy == observability.reflectivity;
   const int max_halvings = cost_tells ? options_.max_halvings : 0;
   Linearization at = cost.linearize(map, beams, pose, count);
+  const Linearization first = at;
+  const double gain = first.gain();
+  double cost_here = first.costOf(at), damping = 1.0;
+  const Vector3d unit(1.0, 1.0, beams_.mean_range);
+  Vector3d last_step = Vector3d::Zero();
   for (int iteration = 0; iteration < options_.max_iterations; ++iteration) {
     ++iterations;
-    Vector3d step = Solver(at, beams_.mean_range, observability).step();
+    Vector3d step = Solver(at, gain, beams_.mean_range, observability).step();
     const double distance = step.head<2>().norm(), angle = std::abs(step.z());
     if (distance < min_distance && angle < min_angle) {
       pose += step;
       break;
     }
     step /= std::max({1.0, distance / options_.max_step_distance, angle / options_.max_step_angle});
+    if (!cost_tells) {
+      if (step.cwiseProduct(unit).dot(last_step.cwiseProduct(unit)) < 0.0) damping *= 0.5;
+      last_step = step *= damping;
+    }
 
     Pose next_pose = pose + step;
     Linearization next = cost.linearize(map, beams, next_pose, count);
-    for (int i = 0; i < max_halvings && !(next.cost < at.cost); ++i) {
+    double cost_there = first.costOf(next);
+    for (int i = 0; i < max_halvings && !(cost_there < cost_here); ++i) {
       step *= 0.5;
       next_pose = pose + step;
       next = cost.linearize(map, beams, next_pose, count);
+      cost_there = first.costOf(next);
     }
-    if (max_halvings > 0 && !(next.cost < at.cost)) break;
-    const bool last = max_halvings > 0 && at.cost - next.cost < options_.min_cost_change * at.cost;
+    if (max_halvings > 0 && !(cost_there < cost_here)) break;
+    const bool last = max_halvings > 0 && cost_here - cost_there < options_.min_cost_change * cost_here;
+    cost_here = cost_there;
     pose = next_pose;
     at = next;
     if (last) break;
@@ -147,8 +179,8 @@ Linearization ScanMatcher::descend(const MultiMap& map, const Cost& cost, const 
     const double distance =
         std::max(options_.min_step_distance, options_.coarse_step * map.level(i).resolution());
     const std::size_t count = std::max(coarse.count >> i, std::min(coarse.count, least));
-    optimize(map.level(i), cost, coarse, count, observability, distance,
-             std::max(options_.min_step_angle, distance / beams_.mean_range), pose, iterations);
+    optimize(map.level(i), observability.full ? cost.geometry() : cost, coarse, count, observability,
+             distance, std::max(options_.min_step_angle, distance / beams_.mean_range), pose, iterations);
   }
   return optimize(map.level(0), cost, beams_, beams_.count, observability, options_.min_step_distance,
                   options_.min_step_angle, pose, iterations);
@@ -166,26 +198,27 @@ Match ScanMatcher::match(const MultiMap& map, const Scan& scan, const Pose& gues
   match.searched = search;
   const Pose start = search ? cost.search(coarsest, beams_, guess) : guess;
   Pose pose = start;
-  Linearization at = descend(map, cost, thinned_, options_.coarse_points, {}, pose, match.iterations);
-  Overlap overlap = overlapOf(coarsest, beams_, pose);
-  const Observability observability = observe(scan, overlap, pose, cost);
-  if (!observability.full) {
+  Observability observability = observe(coarsest, scan, start, cost);
+  if (!observability.full && observability.share < kSureShare) {
+    descend(map, cost, thinned_, options_.coarse_points, {}, pose, match.iterations);
+    observability = observe(coarsest, scan, pose, cost);
     const Vector3d unit(1.0, 1.0, 1.0 / beams_.mean_range);
     pose = start + unit.asDiagonal() * (observability.occupancy * (pose - start).cwiseQuotient(unit));
-    // Where reflectivity alone tells, each beam counts.
-    if (observability.reflectivity.isIdentity())
-      at = descend(map, cost, beams_, beams_.count, observability, pose, match.iterations);
-    else
-      at = optimize(finest, cost, beams_, beams_.count, observability, options_.min_step_distance,
-                    options_.min_step_angle, pose, match.iterations);
   }
-  const Solver solver(at, beams_.mean_range, observability);
-  match.hessian = at.occupancy.hessian + at.reflectivity.hessian;
+  // Where reflectivity alone tells, each beam counts.
+  const bool all = observability.reflectivity != observability.occupancy;
+  const Linearization at =
+      descend(map, cost, all ? beams_ : thinned_, all ? beams_.count : options_.coarse_points, observability,
+              pose, match.iterations);
+  const double gain = at.gain();
+  const Solver solver(at, gain, beams_.mean_range, observability);
+  match.hessian = at.occupancy.hessian + gain * at.reflectivity.hessian;
   match.observable = solver.observable();
   match.unobservable_part = solver.unobservablePart();
   pose -= match.unobservable_part * (pose - start);
   match.pose = {pose.x(), pose.y(), wrapAngle(pose.z())};
-  const double variance = at.squares / std::max(1.0, at.weights);
+  const double variance = (at.occupancy.squares + gain * at.reflectivity.squares) /
+                          std::max(1.0, at.occupancy.weights + at.reflectivity.weights);
   match.residual = std::sqrt(variance);
   const double sigma_squared = options_.sigma > 0.0 ? options_.sigma * options_.sigma : variance;
   const double d = options_.unobservable_distance, a = options_.unobservable_angle;
@@ -195,9 +228,9 @@ Match ScanMatcher::match(const MultiMap& map, const Scan& scan, const Pose& gues
   const double floor = options_.covariance_floor * finest.resolution();
   match.covariance = solver.covariance(options_.covariance_scale * sigma_squared, curvature, floor * floor,
                                        {d * d, d * d, a * a});
-  if (!observability.full) overlap = overlapOf(coarsest, beams_, match.pose);
-  match.contradiction = overlap.share_free;
-  match.overlap = overlap.share_occupied;
+  const Overlap overlap = overlapOf(coarsest, beams_, match.pose);
+  match.contradiction = overlap.free;
+  match.overlap = overlap.occupied;
   return match;
 }
 
@@ -207,12 +240,16 @@ Match ScanMatcher::match(const MultiMap& map, const Scan& scan, const Pose& gues
 double ScanMatcher::curvatureAlong(const Vector3d& v, const GridMap& map, const Pose& pose, const Cost& cost,
                                    const Linearization& at, const Observability& observability) const {
   const Vector3d shift = map.resolution() * Vector3d(v.x(), v.y(), v.z() / beams_.mean_range);
-  const Eigen::Vector2d rise = cost.values(map, beams_, pose - shift) +
-                               cost.values(map, beams_, pose + shift) -
-                               2.0 * Eigen::Vector2d(at.occupancy.cost, at.reflectivity.cost);
-  const Eigen::Vector2d share((observability.occupancy * v).squaredNorm(),
-                              (observability.reflectivity * v).squaredNorm());
-  return share.dot(rise) / (map.resolution() * map.resolution());
+  const double occupancy = (observability.occupancy * v).squaredNorm(),
+               reflectivity = (observability.reflectivity * v).squaredNorm();
+  const auto costAt = [&](Linearization there) {
+    there.occupancy.cost *= occupancy;
+    there.reflectivity.cost *= reflectivity;
+    return at.costOf(there);
+  };
+  const double rise = costAt(cost.values(map, beams_, pose - shift)) +
+                      costAt(cost.values(map, beams_, pose + shift)) - 2.0 * costAt(at);
+  return std::isfinite(rise) ? rise / (map.resolution() * map.resolution()) : 0.0;
 }
 
 }  // namespace intensity_hector_slam

@@ -45,6 +45,7 @@ class GridMap {
   static bool isKnown(const Cell& cell) { return cell.occupancy != 0.5f; }
   static bool isOccupied(const Cell& cell) { return cell.occupancy > 0.5f; }
   static bool isFree(const Cell& cell) { return cell.occupancy < 0.5f; }
+  static bool hasReflectivity(const Cell& cell) { return cell.reflectivity != 0.0f; }
   /// Row by row, height() x width().
   const std::vector<Cell>& cells() const { return cells_; }
   const std::vector<std::uint16_t>& counts() const { return counts_; }

@@ -102,10 +102,10 @@ constexpr auto choicesOf(Search) {
 
 struct MatcherOptions {
   std::string cost = "combined";  ///< a name of costs()
-  double occupancy_weight = 1.0, reflectivity_weight = 1.0;
+  double occupancy_weight = 1.0, reflectivity_weight = 0.1;
   double auto_max_spacing = 0.1, auto_min_known = 0.3;
   RobustKernel robust_kernel = RobustKernel::kCauchy;
-  double robust_scale = 0.5;
+  double robust_scale = 0.5, robust_scale_reflectivity = 0.1;
   int max_iterations = 12, max_halvings = 3;
   double max_step_distance = 0.1, max_step_angle = 0.1;
   double min_step_distance = 2e-4, min_step_angle = 1e-4;
@@ -132,7 +132,10 @@ struct MatcherOptions {
     o("occupancy_weight", occupancy_weight, "", "combined: of the squared residuals of the occupancy")
         .within(0.0, 1e6)
         .dynamic();
-    o("reflectivity_weight", reflectivity_weight, "", "combined: of those of the reflectivity")
+    o("reflectivity_weight", reflectivity_weight, "",
+      "combined: of those of the reflectivity, beyond the ratio of the variances of both, which is found "
+      "from the "
+      "residuals. Less than 1, as errors of neighbouring reflectivities aren't independent")
         .within(0.0, 1e6)
         .dynamic();
     o("auto_max_spacing", auto_max_spacing, "m",
@@ -145,7 +148,10 @@ struct MatcherOptions {
     o("robust_kernel", robust_kernel, "",
       "weight of a residual e against moving objects, with s = robust_scale")
         .dynamic();
-    o("robust_scale", robust_scale, "", "residuals beyond count less; residuals are 0 to 1")
+    o("robust_scale", robust_scale, "", "residuals of the occupancy beyond count less; they are 0 to 1")
+        .within(0.001, 1000.0)
+        .dynamic();
+    o("robust_scale_reflectivity", robust_scale_reflectivity, "", "the same of the reflectivity")
         .within(0.001, 1000.0)
         .dynamic();
     o("max_iterations", max_iterations, "", "of Gauss-Newton on each level").within(1, 1000);
@@ -195,9 +201,10 @@ struct MatcherOptions {
       "scan's mean range), occupancy doesn't observe the pose there. 0: it always does, as in Hector SLAM")
         .within(0.0, 1.0);
     o("min_texture", min_texture, "",
-      "where the square of reflectivity's slope along them, over that of noise alone, is less on the "
-      "average, "
-      "reflectivity doesn't, either: the pose stays where the first guess is")
+      "where reflectivity's slopes along them differ from what noise alone would give by less than this, in "
+      "standard deviations of all of them together, reflectivity doesn't, either: the pose stays where the "
+      "first "
+      "guess is")
         .within(0.0, 1e9);
     o("min_geometry", min_geometry, "",
       "as min_observability, where there is texture: reflectivity alone tells there")

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <memory>
 #include <string>
 
@@ -11,26 +12,34 @@
 namespace intensity_hector_slam {
 
 struct Observability;
-struct Overlap;
 
-/// Of the map: what a residual looks at.
+/// What a residual tells: where surfaces are, or where along them.
 enum class Channel { kOccupancy, kReflectivity };
 
-/// Of the residuals of one channel, weighted.
+/// Of the residuals of one channel.
 struct NormalEquation {
   Eigen::Matrix3d hessian = Eigen::Matrix3d::Zero();   ///< sum of w J^T J
   Eigen::Vector3d gradient = Eigen::Vector3d::Zero();  ///< sum of w J^T e: the step is H^-1 times this
   double cost = 0.0;                                   ///< sum of the robust costs of the residuals
+  double squares = 0.0;                                ///< sum of w e^2, without the weight of the options
+  double weights = 0.0;                                ///< sum of w, the same
+  double beams = 0.0;                                  ///< that count, or their shares
+
+  /// Of the residuals, as they are.
+  double variance() const { return squares / std::max(1.0, weights); }
 };
 
 /// A cost, linearised at a pose on one level.
 struct Linearization {
   NormalEquation occupancy, reflectivity;  ///< zero where the cost hasn't residuals of that channel
-  double cost = 0.0;                       ///< of both
-  double squares = 0.0;                    ///< sum of w e^2
-  double weights = 0.0;                    ///< sum of w
 
   NormalEquation& of(Channel channel) { return channel == Channel::kOccupancy ? occupancy : reflectivity; }
+  /// By which the squares of the reflectivity count as much as those of the occupancy for what they tell: the
+  /// ratio of their variances.
+  double gain() const;
+  /// At another pose, with the gain here. Of the reflectivity by the beams that count, as many as here: a
+  /// pose gains nothing by losing some.
+  double costOf(const Linearization& there) const;
 };
 
 struct Match {
@@ -69,7 +78,7 @@ class ScanMatcher {
  private:
   class Solver;
 
-  Observability observe(const Scan& scan, const Overlap& overlap, const Pose& pose, const Cost& cost) const;
+  Observability observe(const GridMap& map, const Scan& scan, const Pose& pose, const Cost& cost) const;
   double curvatureAlong(const Eigen::Vector3d& v, const GridMap& map, const Pose& pose, const Cost& cost,
                         const Linearization& at, const Observability& observability) const;
   /// Both move the pose, add to the iterations, and return the cost where the last step starts, on the

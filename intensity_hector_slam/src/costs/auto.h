@@ -29,8 +29,7 @@ class AutoCost : public CostOf<Occupancy, Reflectivity> {
     const auto middle = spacing.begin() + spacing.size() / 2;
     std::nth_element(spacing.begin(), middle, spacing.end());
     if (middle == spacing.end() || *middle <= options_.auto_max_spacing) return *combined_;
-    const Overlap overlap = overlapOf(map, beams, guess);
-    const bool enough = observe(scan, overlap, guess, beams.mean_range, true, false, options_).full;
+    const bool enough = observe(scan, map, guess, beams.mean_range, true, false, options_).full;
     return enough ? *occupancy_ : *combined_;
   }
 
