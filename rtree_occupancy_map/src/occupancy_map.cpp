@@ -68,6 +68,12 @@ const RTree& OccupancyMap::treeWithin(const VoxelBox& region) const {
   return treeWhere([&region](const VoxelBox& block) { return region.overlaps(block); });
 }
 
+const RTree& OccupancyMap::treeIn(const std::vector<Block>& blocks) const {
+  return treeWhere([&blocks](const VoxelBox& b) {
+    return std::binary_search(blocks.begin(), blocks.end(), blockOf({b.min[0], b.min[1], b.min[2]}));
+  });
+}
+
 const RTree& OccupancyMap::treeWhere(const std::function<bool(const VoxelBox&)>& asked_for) const {
   insertion_->working_set.writeBack(asked_for, tree_);
   return tree_;
@@ -366,15 +372,15 @@ Eigen::Vector3d OccupancyMap::maxCorner(const VoxelBox& b) const {
   return options_.resolution * Eigen::Vector3d(b.max[0], b.max[1], b.max[2]);
 }
 
-VoxelBox OccupancyMap::boxOf(const Eigen::Vector3d& min, const Eigen::Vector3d& max) const {
+VoxelBox voxelsWithin(const Eigen::Vector3d& min, const Eigen::Vector3d& max, double resolution) {
   VoxelBox box;
   if (!(min.array() <= max.array()).all()) return VoxelBox::empty();  // NaN as well
   const auto cut = [](double c) {
     return static_cast<std::int16_t>(std::clamp<double>(c, kMinVoxel, kMaxVoxel));
   };
   for (int i = 0; i < 3; ++i) {
-    box.min[i] = cut(std::floor(min[i] / options_.resolution + kRounding));
-    box.max[i] = cut(std::ceil(max[i] / options_.resolution - kRounding));
+    box.min[i] = cut(std::floor(min[i] / resolution + kRounding));
+    box.max[i] = cut(std::ceil(max[i] / resolution - kRounding));
   }
   return box;
 }

@@ -36,94 +36,15 @@ enum BinaryChild : unsigned { kUnknownChild = 0, kFreeChild = 1, kOccupiedChild 
 
 // ---- writing --------------------------------------------------------------------------------------------
 
-class OctreeWriter {
+using Node = Octree::Node;
+using Kind = Octree::Kind;
+
+// Writes nodes, depth first.
+class NodeWriter {
  public:
-  OctreeWriter(const OccupancyMap& map, OctomapFormat format)
-      : map_(map), binary_(format == OctomapFormat::kBinary) {
-    map.tree().visitAll([this](const Cell& cell) {
-      const Block block = OccupancyMap::blockOf({cell.box.min[0], cell.box.min[1], cell.box.min[2]});
-      if (blocks_.empty() || blocks_.back().block != block) blocks_.push_back({placeOf(block), block});
-      return true;
-    });
-    std::sort(blocks_.begin(), blocks_.end(),
-              [](const Placed& a, const Placed& b) { return a.place < b.place; });
-    const auto same = [](const Placed& a, const Placed& b) { return a.place == b.place; };
-    blocks_.erase(std::unique(blocks_.begin(), blocks_.end(), same), blocks_.end());
-  }
+  explicit NodeWriter(OctomapFormat format) : binary_(format == OctomapFormat::kBinary) {}
 
-  OctomapData write() {
-    writeBlocks(kDepth, blocks_.begin(), blocks_.end());
-    return std::move(data_);
-  }
-
- private:
-  // A block and its place in the order of the octree: three bits a level, from the root on.
-  struct Placed {
-    std::uint64_t place;
-    Block block;
-  };
-  using Iterator = std::vector<Placed>::const_iterator;
-  enum class Kind { kUnknown, kLeaf, kInner };
-  struct Node {
-    Kind kind = Kind::kUnknown;
-    float value = 0.0F;  // the greatest below
-  };
-
-  static std::uint64_t placeOf(const Block& block) {
-    std::uint64_t place = 0;
-    for (int bit = 0; bit < kDepth - kBlockBits; ++bit) {
-      for (int i = 0; i < 3; ++i) {
-        const auto key = static_cast<std::uint64_t>(block[i] - kLowest / kBlockSize);
-        place |= (key >> bit & 1) << (3 * bit + i);
-      }
-    }
-    return place;
-  }
-
-  // A node with an edge of 2^level voxels, by the blocks in it.
-  Node writeBlocks(int level, Iterator first, Iterator last) {
-    if (first == last) return {};
-    if (level == kBlockBits) return writeBlock(first->block);
-    return writeInner([&](unsigned child) {
-      const Iterator begin = first;
-      first = std::find_if(first, last, [&](const Placed& placed) {
-        return (placed.place >> 3 * (level - 1 - kBlockBits) & 7) != child;
-      });
-      return writeBlocks(level - 1, begin, first);
-    });
-  }
-
-  Node writeBlock(const Block& block) {
-    std::vector<Cell>& cells = cells_[kBlockBits];
-    cells.clear();
-    map_.visitBlock(block, [&](const Cell& cell) {
-      cells.push_back(cell);
-      if (binary_) cells.back().log_odds = map_.isOccupied(cell) ? 1.0F : -1.0F;
-      return true;
-    });
-    return writeCells(kBlockBits, OccupancyMap::boxOf(block));
-  }
-
-  // A node within a block, by the cells that overlap it, those in cells_[level].
-  Node writeCells(int level, const VoxelBox& cube) {
-    const std::vector<Cell>& cells = cells_[level];
-    if (cells.empty()) return {};
-    if (cells.front().box.contains(cube)) return writeLeaf(cells.front().log_odds);
-    return writeInner([&](unsigned child) {
-      VoxelBox octant = cube;
-      for (int i = 0; i < 3; ++i) {
-        const auto middle = static_cast<std::int16_t>(cube.min[i] + cube.width(i) / 2);
-        ((child >> i & 1) != 0 ? octant.min : octant.max)[i] = middle;
-      }
-      std::vector<Cell>& below = cells_[level - 1];
-      below.clear();
-      std::copy_if(cells.begin(), cells.end(), std::back_inserter(below),
-                   [&](const Cell& cell) { return cell.box.overlaps(octant); });
-      return writeCells(level - 1, octant);
-    });
-  }
-
-  Node writeLeaf(float value) {
+  Node leaf(float value) {
     ++data_.nodes;
     if (!binary_) {
       data_.bytes.append(reinterpret_cast<const char*>(&value), sizeof(value));
@@ -134,7 +55,7 @@ class OctreeWriter {
 
   // A node stands before its children, and says of them what is known only once they are written.
   template <class WriteChild>
-  Node writeInner(WriteChild&& writeChild) {
+  Node inner(WriteChild&& writeChild) {
     const std::size_t at = data_.bytes.size(), nodes = data_.nodes;
     const std::size_t children_at = at + (binary_ ? 0 : sizeof(float));
     data_.bytes.resize(children_at + (binary_ ? 2 : 1));
@@ -155,21 +76,93 @@ class OctreeWriter {
     if (leaves == 8 && least == greatest) {
       data_.bytes.resize(at);
       data_.nodes = nodes;
-      return writeLeaf(greatest);
+      return leaf(greatest);
     }
     std::memcpy(&data_.bytes[children_at], &children, binary_ ? 2 : 1);
     if (!binary_) std::memcpy(&data_.bytes[at], &greatest, sizeof(float));
     return {Kind::kInner, greatest};
   }
 
-  const OccupancyMap& map_;
+  // A node with all below it that was written elsewhere.
+  Node append(const Node& node, const OctomapData& data) {
+    data_.bytes += data.bytes;
+    data_.nodes += data.nodes;
+    return node;
+  }
+
+  bool isBinary() const { return binary_; }
+  OctomapData take() { return std::exchange(data_, {}); }
+
+ private:
   const bool binary_;
-  std::vector<Placed> blocks_;
-  std::array<std::vector<Cell>, kBlockBits + 1> cells_;  // by level
   OctomapData data_;
 };
 
-// ---- reading --------------------------------------------------------------------------------------------
+class BlockWriter {
+ public:
+  explicit BlockWriter(OctomapFormat format) : write_(format) {}
+
+  Node write(const MapSnapshot& map, const MapSnapshot::BlockCells& block) {
+    std::vector<Cell>& cells = cells_[kBlockBits];
+    cells = block.cells;
+    if (write_.isBinary()) {
+      for (Cell& cell : cells) cell.log_odds = map.isOccupied(cell) ? 1.0F : -1.0F;
+    }
+    return writeCells(kBlockBits, OccupancyMap::boxOf(block.block));
+  }
+  OctomapData take() { return write_.take(); }
+
+ private:
+  // A node within a block, by the cells that overlap it, those in cells_[level].
+  Node writeCells(int level, const VoxelBox& cube) {
+    const std::vector<Cell>& cells = cells_[level];
+    if (cells.empty()) return {};
+    if (cells.front().box.contains(cube)) return write_.leaf(cells.front().log_odds);
+    return write_.inner([&](unsigned child) {
+      VoxelBox octant = cube;
+      for (int i = 0; i < 3; ++i) {
+        const auto middle = static_cast<std::int16_t>(cube.min[i] + cube.width(i) / 2);
+        ((child >> i & 1) != 0 ? octant.min : octant.max)[i] = middle;
+      }
+      std::vector<Cell>& below = cells_[level - 1];
+      below.clear();
+      std::copy_if(cells.begin(), cells.end(), std::back_inserter(below),
+                   [&](const Cell& cell) { return cell.box.overlaps(octant); });
+      return writeCells(level - 1, octant);
+    });
+  }
+
+  NodeWriter write_;
+  std::array<std::vector<Cell>, kBlockBits + 1> cells_;  // by level
+};
+
+// A node with an edge of 2^level voxels, by the blocks in it, which point to their places and parts.
+template <class Iterator>
+Node writeBlocks(NodeWriter& write, int level, Iterator first, Iterator last) {
+  if (first == last) return {};
+  if (level == kBlockBits) return write.append((*first)->second.node, (*first)->second.data);
+  return write.inner([&](unsigned child) {
+    const Iterator begin = first;
+    first = std::partition_point(first, last, [&](const auto* placed) {
+      return (placed->first >> 3 * (level - 1 - kBlockBits) & 7) == child;
+    });
+    return writeBlocks(write, level - 1, begin, first);
+  });
+}
+
+// A block's place in the order of the octree: three bits a level, from the root on.
+std::uint64_t placeOf(const Block& block) {
+  std::uint64_t place = 0;
+  for (int bit = 0; bit < kDepth - kBlockBits; ++bit) {
+    for (int i = 0; i < 3; ++i) {
+      const auto key = static_cast<std::uint64_t>(block[i] - kLowest / kBlockSize);
+      place |= (key >> bit & 1) << (3 * bit + i);
+    }
+  }
+  return place;
+}
+
+// ---- reading ----------------------------------------------------------------------------------------
 
 struct Header {
   OctomapFormat format = OctomapFormat::kBinary;
@@ -353,8 +346,32 @@ OccupancyMap read(std::istream& in, Options options) {
 
 }  // namespace
 
+void Octree::update(const MapSnapshot& changed) {
+  resolution_ = changed.resolution;
+  BlockWriter writer(format_);
+  for (const MapSnapshot::BlockCells& block : changed.blocks) {
+    const Node node = writer.write(changed, block);
+    if (node.kind == Kind::kUnknown) {
+      blocks_.erase(placeOf(block.block));
+    } else {
+      blocks_[placeOf(block.block)] = {node, writer.take()};
+    }
+  }
+}
+
+OctomapData Octree::data() const {
+  NodeWriter writer(format_);
+  std::vector<const std::pair<const std::uint64_t, Part>*> blocks;
+  blocks.reserve(blocks_.size());
+  for (const auto& block : blocks_) blocks.push_back(&block);
+  writeBlocks(writer, kDepth, blocks.begin(), blocks.end());
+  return writer.take();
+}
+
 OctomapData toOctomap(const OccupancyMap& map, OctomapFormat format) {
-  return OctreeWriter(map, format).write();
+  Octree octree(format);
+  for (const Block& block : knownBlocks(map)) octree.update(MapSnapshot(map, {block}));
+  return octree.data();
 }
 
 void writeOctomap(const OccupancyMap& map, const std::string& path, OctomapFormat format) {

@@ -8,6 +8,7 @@
 #include <map>
 #include <set>
 
+#include "rtree_occupancy_map/octomap_file.h"
 #include "rtree_occupancy_map/ros/cell_conversion.h"
 #include "rtree_occupancy_map/ros/marker_cache.h"
 #include "rtree_occupancy_map/ros/projected_map.h"
@@ -44,7 +45,7 @@ TEST_P(MarkerCacheTest, ChangesAddUpToTheMap) {
   MarkerCache cache("map", GetParam());
   MarkerDisplay display;
   drive(map, [&](const std::vector<Block>& changed) {
-    display.show(cache.changes(map, changed, {}));
+    display.show(cache.changes({map, changed}, {}));
     const auto expected = boxesOf(map, GetParam() == MarkerCache::Show::kOccupied);
     ASSERT_FALSE(expected.empty());
     ASSERT_TRUE(expected == display.boxes(kResolution));
@@ -58,7 +59,7 @@ TEST_P(MarkerCacheTest, OneWhoComesLateSeesTheSameUnderTheSameIds) {
   bool joined = false;
   int steps = 0;
   drive(map, [&](const std::vector<Block>& changed) {
-    const auto changes = cache.changes(map, changed, {});
+    const auto changes = cache.changes({map, changed}, {});
     early.show(changes);
     if (joined) late.show(changes);
     if (++steps == 5) {
@@ -80,10 +81,10 @@ TEST_P(MarkerCacheTest, SendsNothingOfBlocksThatLookTheSame) {
   OccupancyMap map;
   map.insertScan(roomScan({0, 0, 0}, {3, 2, 1}, 1));
   MarkerCache cache("map", GetParam());
-  EXPECT_FALSE(cache.changes(map, knownBlocks(map), {}).markers.empty());
-  EXPECT_TRUE(cache.changes(map, knownBlocks(map), {}).markers.empty());
+  EXPECT_FALSE(cache.changes(map, {}).markers.empty());
+  EXPECT_TRUE(cache.changes(map, {}).markers.empty());
   // Another colour is another look.
-  EXPECT_FALSE(cache.changes(map, knownBlocks(map), {ColorMode::kOccupancy, 0.0, 1.0}).markers.empty());
+  EXPECT_FALSE(cache.changes(map, {ColorMode::kOccupancy, 0.0, 1.0}).markers.empty());
 }
 
 TEST_P(MarkerCacheTest, RestartTakesThePlaceOfWhatWasShown) {
@@ -209,7 +210,7 @@ TEST_P(ProjectedMapTest, PatchesAddUpToTheProjectionOfEveryVoxel) {
   int patched = 0, grown = 0;
   drive(map, [&](const std::vector<Block>& changed) {
     map_msgs::OccupancyGridUpdate patch;
-    if (projected.update(map, changed, {}, patch)) {
+    if (projected.update({map, changed}, {}, patch)) {
       received = projected.grid();
       ++grown;
     } else if (patch.width > 0) {
@@ -239,7 +240,7 @@ TEST(ProjectedMap, NothingChangedNothingSent) {
   ProjectedMap projected;
   projected.rebuild(map, -1.0, 1.0, 5000, {});
   map_msgs::OccupancyGridUpdate patch;
-  EXPECT_FALSE(projected.update(map, knownBlocks(map), {}, patch));
+  EXPECT_FALSE(projected.update(map, {}, patch));
   EXPECT_EQ(0u, patch.width);
   EXPECT_TRUE(patch.data.empty());
 }
@@ -258,7 +259,7 @@ TEST(ProjectedMap, FarReturnsDoNotMakeItLarge) {
     map_msgs::OccupancyGridUpdate patch;
     if (!far_first) {
       EXPECT_FALSE(projected.leavesOut());
-      projected.update(map, map.insertScan(far).changed_blocks, {}, patch);
+      projected.update({map, map.insertScan(far).changed_blocks}, {}, patch);
     }
     EXPECT_TRUE(projected.leavesOut());
     EXPECT_LE(projected.grid().info.width, 320u);
@@ -283,10 +284,7 @@ TEST(ProjectedMap, FarReturnsDoNotMakeItLarge) {
 TEST(CellConversion, CloudHoldsTheCells) {
   OccupancyMap map;
   map.insertScan(roomScan({0, 0, 0}, {3, 2, 1}, 1));
-  std::vector<Cell> cells;
-  for (const Block& block : knownBlocks(map)) appendOccupied(map, block, cells);
-  const auto cloud = toPointCloud2(map, cells);
-  ASSERT_EQ(cells.size(), cloud.width);
+  const auto cloud = occupiedCloud(map);
   ASSERT_EQ(std::size_t{cloud.width} * cloud.point_step, cloud.data.size());
   std::vector<std::array<int, 6>> received;
   for (std::size_t i = 0; i < cloud.width; ++i) {
@@ -297,6 +295,32 @@ TEST(CellConversion, CloudHoldsTheCells) {
   }
   std::sort(received.begin(), received.end());
   EXPECT_TRUE(boxesOf(map, true) == received);
+}
+
+// Block by block as they change, it comes to the same as all at once.
+TEST(CellConversion, CloudsOfAMapThatChanges) {
+  OccupancyMap map;
+  OccupiedCloud changing;
+  drive(map, [&](const std::vector<Block>& changed) {
+    changing.update({map, changed});
+    ASSERT_EQ(occupiedCloud(map).data, changing.cloud().data);
+  });
+  map.clearBox({-50, -50, -50}, {50, 50, 50});
+  changing.update(map);
+  EXPECT_TRUE(changing.cloud().data.empty());
+}
+
+TEST(CellConversion, OctreesOfAMapThatChanges) {
+  for (const OctomapFormat format : {OctomapFormat::kBinary, OctomapFormat::kFull}) {
+    OccupancyMap map;
+    Octree octree(format);
+    drive(map, [&](const std::vector<Block>& changed) {
+      octree.update({map, changed});
+      const OctomapData expected = toOctomap(map, format), actual = octree.data();
+      ASSERT_EQ(expected.nodes, actual.nodes);
+      ASSERT_EQ(expected.bytes, actual.bytes);
+    });
+  }
 }
 
 TEST(CellConversion, KnownBlocksAreThoseWithCells) {

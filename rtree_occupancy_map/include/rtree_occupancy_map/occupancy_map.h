@@ -30,6 +30,9 @@ constexpr std::size_t kMostBlocks = std::size_t{1} << 20;
 /// Block coordinates: the block holds voxels block * kBlockSize to (block + 1) * kBlockSize, exclusive.
 using Block = std::array<int, 3>;
 
+/// The voxels that a box (m) overlaps, cut to the map's coordinates; empty unless min <= max (NaN).
+VoxelBox voxelsWithin(const Eigen::Vector3d& min, const Eigen::Vector3d& max, double resolution);
+
 /// What insertScan did.
 struct InsertReport {
   std::size_t hits = 0;               ///< points that ended in a voxel
@@ -114,6 +117,14 @@ class OccupancyMap {
     const VoxelBox box = boxOf(block);
     treeWithin(box).visitOverlapping(box, visit);
   }
+  /// Calls `visit(i, cell)` for each cell of each block i, until it returns false. All are brought up to date
+  /// at once. @param blocks sorted
+  template <class Visit>
+  void visitBlocks(const std::vector<Block>& blocks, Visit&& visit) const {
+    const RTree& tree = treeIn(blocks);
+    for (std::size_t i = 0; i < blocks.size(); ++i)
+      tree.visitOverlapping(boxOf(blocks[i]), [&](const Cell& cell) { return visit(i, cell); });
+  }
   /// Calls `visit(cell)` for each occupied cell, until it returns false; free cells are not touched.
   template <class Visit>
   void visitOccupied(Visit&& visit) const {
@@ -144,7 +155,9 @@ class OccupancyMap {
   Eigen::Vector3d maxCorner(const VoxelBox& box) const;  ///< m
   Eigen::Vector3d center(const VoxelBox& box) const { return 0.5 * (minCorner(box) + maxCorner(box)); }
   /// The voxels that the box (m) overlaps, cut to the map's coordinates; empty unless min <= max (NaN).
-  VoxelBox boxOf(const Eigen::Vector3d& min, const Eigen::Vector3d& max) const;
+  VoxelBox boxOf(const Eigen::Vector3d& min, const Eigen::Vector3d& max) const {
+    return voxelsWithin(min, max, options_.resolution);
+  }
   /// Empty outside of the map's coordinates.
   static VoxelBox boxOf(const Block& block);
   static Block blockOf(const Voxel& voxel) {
@@ -172,6 +185,7 @@ class OccupancyMap {
   // The tree with the cells of those blocks up to date that overlap the region, or whose boxes pass
   // asked_for.
   const RTree& treeWithin(const VoxelBox& region) const;
+  const RTree& treeIn(const std::vector<Block>& blocks) const;
   const RTree& treeWhere(const std::function<bool(const VoxelBox&)>& asked_for) const;
 
   Options options_;

@@ -10,8 +10,11 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
+#include <map>
 #include <string>
 
+#include "rtree_occupancy_map/map_snapshot.h"
 #include "rtree_occupancy_map/occupancy_map.h"
 
 namespace rtree_occupancy_map {
@@ -26,6 +29,36 @@ struct OctomapData {
   std::string bytes;
   std::size_t nodes = 0;
 };
+/// The octree of a map that changes: only blocks that changed are made anew. It holds what it makes.
+class Octree {
+ public:
+  explicit Octree(OctomapFormat format) : format_(format) {}
+
+  void update(const MapSnapshot& changed);
+  OctomapData data() const;
+  OctomapFormat format() const { return format_; }
+  double resolution() const { return resolution_; }  ///< m, of what was there last
+  void clear() { blocks_.clear(); }
+
+  /// A node, by what is said of it above.
+  enum class Kind { kUnknown, kLeaf, kInner };
+  struct Node {
+    Kind kind = Kind::kUnknown;
+    float value = 0.0F;  ///< the greatest below
+  };
+
+ private:
+  // A block's node, and what is written of it and of those below.
+  struct Part {
+    Node node;
+    OctomapData data;
+  };
+
+  OctomapFormat format_;
+  double resolution_ = 0.0;
+  std::map<std::uint64_t, Part> blocks_;  // by the place in the order of the octree
+};
+
 /// The map as an octree in which eight children of equal value are one leaf. Reflectivities are left out.
 OctomapData toOctomap(const OccupancyMap& map, OctomapFormat format);
 

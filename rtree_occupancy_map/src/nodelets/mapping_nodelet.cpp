@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
 // Builds an occupancy map from point clouds and laser scans. Everything happens in the nodelet's
-// single-threaded callback queue, so that nothing here needs a lock.
+// single-threaded callback queue but publishing, which has a thread of its own: those two share the map and
+// the publisher, which know of that, and publications_.
 #include <mapping_common/arrivals.h>
 #include <mapping_common/nodelet.h>
 #include <mapping_msgs/LoadMap.h>
 #include <mapping_msgs/SaveMap.h>
+#include <ros/callback_queue.h>
 #include <rtree_occupancy_map/BoundingBoxQuery.h>
 #include <rtree_occupancy_map/CastRay.h>
 #include <rtree_occupancy_map/CellsInBox.h>
@@ -17,6 +19,7 @@
 #include <functional>
 #include <iterator>
 #include <memory>
+#include <mutex>
 #include <pluginlib/class_list_macros.hpp>
 #include <sstream>
 #include <stdexcept>
@@ -46,9 +49,12 @@ constexpr std::size_t kMostWaiting = 100;
 
 // What happened since the last diagnostics.
 struct Activity {
-  std::size_t insertions = 0, publications = 0;
+  std::size_t insertions = 0;
   double insertion_time = 0.0, longest_insertion = 0.0;  // s
-  double publication_time = 0.0;
+};
+struct Publications {
+  std::size_t count = 0;
+  double time = 0.0;  // s
 };
 
 // A sweep's poses that tf is asked for: 3 ms apart at 10 Hz.
@@ -84,6 +90,24 @@ void requireBox(const geometry_msgs::Point& min, const geometry_msgs::Point& max
   throw std::invalid_argument(text.str());
 }
 
+void castRay(const OccupancyMap& map, const CastRay::Request& request, CastRay::Response& response) {
+  const RayHit hit = map.castRay(toEigen(request.origin), toEigen(request.direction), request.max_range,
+                                 request.ignore_unknown);
+  response.point = toPoint(hit.point);
+  switch (hit.result) {
+    case RayHit::Result::kOccupied:
+      response.result = CastRay::Response::OCCUPIED;
+      response.cell = toMessage(map, hit.cell);
+      break;
+    case RayHit::Result::kUnknown:
+      response.result = CastRay::Response::UNKNOWN;
+      break;
+    case RayHit::Result::kNothing:
+      response.result = CastRay::Response::NOTHING;
+      break;
+  }
+}
+
 }  // namespace
 
 class MappingNodelet : public mapping_common::Nodelet {
@@ -106,16 +130,16 @@ class MappingNodelet : public mapping_common::Nodelet {
   void filterGround(const ros::Time& stamp, Scan& scan);
   void warnOfFrame(const std::string& cloud_frame);
 
-  void castRay(const CastRay::Request& request, CastRay::Response& response) const;
   std::string load(const std::string& path);
   void reconfigure(const MappingParameters& changed);
   void publish();
-  void warnOfFarReturns();
   void report() override;
   void diagnoseInput(StatusWrapper& status);
   void diagnoseMap(StatusWrapper& status);
 
-  OccupancyMap map_;
+  SharedMap map_;
+  ros::CallbackQueue publishing_;
+  std::unique_ptr<mapping_common::GuardedQueue> guarded_publishing_;
   std::unique_ptr<MapPublisher> publisher_;
   MappingParameters parameters_;
   std::string save_on_shutdown_;  // empty until the nodelet has started
@@ -125,6 +149,9 @@ class MappingNodelet : public mapping_common::Nodelet {
   std::vector<ros::Subscriber> inputs_;
 
   ros::WallTimer publish_timer_;
+  std::mutex publications_mutex_;
+  Publications publications_;
+  ros::AsyncSpinner publishing_thread_{1, &publishing_};
 
   mapping_common::Throttle frame_throttle_{60.0}, far_throttle_{60.0}, body_throttle_{60.0},
       ground_throttle_{60.0};
@@ -135,23 +162,30 @@ class MappingNodelet : public mapping_common::Nodelet {
 
 MappingNodelet::~MappingNodelet() {
   endCallbacks();
-  if (save_on_shutdown_.empty() || map_.tree().size() == 0) return;
+  publishing_thread_.stop();
+  if (save_on_shutdown_.empty()) return;
   try {
-    NODELET_INFO_STREAM(writeMap(map_, save_on_shutdown_, parameters_.display));
+    map_([this](const OccupancyMap& map) {
+      if (map.tree().size() > 0) NODELET_INFO_STREAM(writeMap(map, save_on_shutdown_, parameters_.display));
+    });
   } catch (const std::exception& e) {
     NODELET_ERROR_STREAM("The map is lost: " << e.what());
   }
 }
 
 void MappingNodelet::start(mapping_common::Parameters& reader) {
-  ros::NodeHandle& node = getNodeHandle();
   reader.read(parameters_);
   formatOf(parameters_.save_on_shutdown);
   robot_body_ = parseRobotBody(parameters_.robot_body);
-  map_ = OccupancyMap(parameters_.map);
+  map_([this](OccupancyMap& map) { map = OccupancyMap(parameters_.map); });
   if (!parameters_.map_file.empty()) NODELET_INFO_STREAM(load(parameters_.map_file));
-  publisher_ = std::make_unique<MapPublisher>(node, parameters_.display, map_);
-  publish_timer_ = every(1.0 / parameters_.publish_rate, [this] { publish(); });
+  guarded_publishing_ = std::make_unique<mapping_common::GuardedQueue>(publishing_, guard());
+  ros::NodeHandle publishing_node(getNodeHandle());
+  publishing_node.setCallbackQueue(guarded_publishing_.get());
+  publisher_ = std::make_unique<MapPublisher>(publishing_node, parameters_.display, map_);
+  publish_timer_ = publishing_node.createWallTimer(
+      ros::WallDuration(1.0 / parameters_.publish_rate),
+      [this](const ros::WallTimerEvent&) { guard()->run([this] { publish(); }); });
   allowReconfiguration<MappingParameters>(parameters_,
                                           [this](const MappingParameters& changed) { reconfigure(changed); });
   listen();
@@ -159,6 +193,7 @@ void MappingNodelet::start(mapping_common::Parameters& reader) {
   startDiagnostics("none", {{"Input", [this](StatusWrapper& status) { diagnoseInput(status); }},
                             {"Map", [this](StatusWrapper& status) { diagnoseMap(status); }}});
   save_on_shutdown_ = parameters_.save_on_shutdown;
+  publishing_thread_.start();
 }
 
 // --------------------------------------------------------------------------------------------------------
@@ -291,9 +326,13 @@ void MappingNodelet::insert(const Message& message, const mapping_common::Arriva
   scan.time = message.header.stamp.toSec();
   leaveOutBody(message.header.stamp, scan);
   if (is_cloud<Message> && parameters_.filter_ground) filterGround(message.header.stamp, scan);
-  const ros::WallTime start = ros::WallTime::now();
-  const InsertReport report = map_.insertScan(scan);
-  const double time = (ros::WallTime::now() - start).toSec();
+  double time = 0.0;
+  const InsertReport report = map_([&](OccupancyMap& map) {
+    const ros::WallTime start = ros::WallTime::now();
+    InsertReport result = map.insertScan(scan);
+    time = (ros::WallTime::now() - start).toSec();
+    return result;
+  });
   publisher_->changed(report.changed_blocks, message.header.stamp);
 
   ++inserted_;
@@ -318,8 +357,9 @@ void MappingNodelet::insert(const Message& message, const mapping_common::Arriva
 // services
 
 void MappingNodelet::offerServices() {
-  serveFile<mapping_msgs::SaveMap>(
-      "save_map", [this](const std::string& path) { return writeMap(map_, path, parameters_.display); });
+  serveFile<mapping_msgs::SaveMap>("save_map", [this](const std::string& path) {
+    return map_([&](const OccupancyMap& map) { return writeMap(map, path, parameters_.display); });
+  });
   serveFile<mapping_msgs::LoadMap>("load_map", [this](const std::string& path) {
     const std::string text = load(path);
     publisher_->restart();
@@ -327,32 +367,39 @@ void MappingNodelet::offerServices() {
   });
   ros::NodeHandle& node = getPrivateNodeHandle();
   serve<std_srvs::Empty>(node, "reset", [this](auto&, auto&) {
-    map_.clear();
+    map_([](OccupancyMap& map) { map.clear(); });
     publisher_->restart();
   });
   serve<BoundingBoxQuery>(node, "clear_bbx", [this](const auto& request, auto&) {
     requireBox(request.min, request.max);
-    publisher_->changed(map_.clearBox(toEigen(request.min), toEigen(request.max)), ros::Time::now());
+    const std::vector<Block> changed =
+        map_([&](OccupancyMap& map) { return map.clearBox(toEigen(request.min), toEigen(request.max)); });
+    publisher_->changed(changed, ros::Time::now());
   });
   const auto serveOctomap = [this](const std::string& name, OctomapFormat format) {
     serve<GetOctomap>(getNodeHandle(), name, [this, format](auto&, auto& response) {
       std_msgs::Header header;
       header.stamp = ros::Time::now();
       header.frame_id = parameters_.display.frame_id;
-      response.map = toMessage(map_, format, header);
+      map_([&](const OccupancyMap& map) {
+        response.map = toMessage(toOctomap(map, format), format, map.options().resolution, header);
+      });
     });
   };
   serveOctomap("octomap_binary", OctomapFormat::kBinary);
   serveOctomap("octomap_full", OctomapFormat::kFull);
   serve<CellsInBox>(node, "cells_in_box", [this](const auto& request, auto& response) {
     requireBox(request.min, request.max);
-    map_.visitBox(toEigen(request.min), toEigen(request.max), [&](const Cell& cell) {
-      if (!request.occupied_only || map_.isOccupied(cell)) response.cells.push_back(toMessage(map_, cell));
-      return true;
+    map_([&](const OccupancyMap& map) {
+      map.visitBox(toEigen(request.min), toEigen(request.max), [&](const Cell& cell) {
+        if (!request.occupied_only || map.isOccupied(cell)) response.cells.push_back(toMessage(map, cell));
+        return true;
+      });
     });
   });
-  serve<CastRay>(node, "cast_ray",
-                 [this](const auto& request, auto& response) { castRay(request, response); });
+  serve<CastRay>(node, "cast_ray", [this](const auto& request, auto& response) {
+    map_([&](const OccupancyMap& map) { castRay(map, request, response); });
+  });
 }
 
 // A map comes with all that it was built with, but for the limits of the range. OctoMap's files have the
@@ -360,35 +407,17 @@ void MappingNodelet::offerServices() {
 std::string MappingNodelet::load(const std::string& path) {
   OccupancyMap map = readMap(path, parameters_.map, parameters_.other_resolution);
   map.setRange(parameters_.map.min_range, parameters_.map.max_range);
-  map_ = std::move(map);
   std::ostringstream text;
-  text << "Read " << map_.tree().size() << " cells of a map of " << map_.options().resolution << " m from "
+  text << "Read " << map.tree().size() << " cells of a map of " << map.options().resolution << " m from "
        << path << ". What it was built with replaces the parameters";
+  map_([&](OccupancyMap& current) { current = std::move(map); });
   return text.str();
-}
-
-void MappingNodelet::castRay(const CastRay::Request& request, CastRay::Response& response) const {
-  const RayHit hit = map_.castRay(toEigen(request.origin), toEigen(request.direction), request.max_range,
-                                  request.ignore_unknown);
-  response.point = toPoint(hit.point);
-  switch (hit.result) {
-    case RayHit::Result::kOccupied:
-      response.result = CastRay::Response::OCCUPIED;
-      response.cell = toMessage(map_, hit.cell);
-      break;
-    case RayHit::Result::kUnknown:
-      response.result = CastRay::Response::UNKNOWN;
-      break;
-    case RayHit::Result::kNothing:
-      response.result = CastRay::Response::NOTHING;
-      break;
-  }
 }
 
 // --------------------------------------------------------------------------------------------- while it runs
 
 void MappingNodelet::reconfigure(const MappingParameters& changed) {
-  map_.setRange(changed.map.min_range, changed.map.max_range);
+  map_([&](OccupancyMap& map) { map.setRange(changed.map.min_range, changed.map.max_range); });
   publisher_->setOptions(changed.display);
   publish_timer_.setPeriod(ros::WallDuration(1.0 / changed.publish_rate));
   parameters_ = changed;
@@ -397,26 +426,23 @@ void MappingNodelet::reconfigure(const MappingParameters& changed) {
 void MappingNodelet::publish() {
   const ros::WallTime start = ros::WallTime::now();
   publisher_->publish();
-  warnOfFarReturns();
-  ++activity_.publications;
-  activity_.publication_time += (ros::WallTime::now() - start).toSec();
-}
-
-void MappingNodelet::warnOfFarReturns() {
-  const ProjectedMap& projection = publisher_->projectedMap();
-  if (!projection.leavesOut() || !far_throttle_()) return;
-  const auto& info = projection.grid().info;
-  NODELET_WARN_STREAM("projected_map shows "
-                      << info.width * info.resolution << " m x " << info.height * info.resolution << " m of "
-                      << projection.wholeSize().x() << " m x " << projection.wholeSize().y()
-                      << " m, as its edges have ~occupancy_max_size pixels at most. If "
-                         "far returns are false, set sensor_model/max_range");
+  const double time = (ros::WallTime::now() - start).toSec();
+  if (const std::string left_out = publisher_->leftOut(); !left_out.empty() && far_throttle_()) {
+    NODELET_WARN_STREAM(left_out << ", as its edges have ~occupancy_max_size "
+                                    "pixels at most. If far returns are false, "
+                                    "set sensor_model/max_range");
+  }
+  const std::lock_guard<std::mutex> lock(publications_mutex_);
+  ++publications_.count;
+  publications_.time += time;
 }
 
 void MappingNodelet::report() {
   Nodelet::report();
   arrivals_->endReport();
   activity_ = {};
+  const std::lock_guard<std::mutex> lock(publications_mutex_);
+  publications_ = {};
 }
 
 void MappingNodelet::diagnoseInput(StatusWrapper& status) {
@@ -444,14 +470,17 @@ void MappingNodelet::diagnoseInput(StatusWrapper& status) {
 
 void MappingNodelet::diagnoseMap(StatusWrapper& status) {
   const auto milliseconds = [](double sum, std::size_t count) { return count > 0 ? 1e3 * sum / count : 0.0; };
-  status.summaryf(diagnostic_msgs::DiagnosticStatus::OK, "%zu cells", map_.tree().size());
-  status.add("Cells", map_.tree().size());
-  status.addf("Memory (MiB)", "%.1f", static_cast<double>(map_.memoryUsage()) / (1 << 20));
-  status.add("Resolution (m)", map_.options().resolution);
+  map_([&status](const OccupancyMap& map) {
+    const std::size_t cells = map.tree().size();
+    status.summaryf(diagnostic_msgs::DiagnosticStatus::OK, "%zu cells", cells);
+    status.add("Cells", cells);
+    status.addf("Memory (MiB)", "%.1f", static_cast<double>(map.memoryUsage()) / (1 << 20));
+    status.add("Resolution (m)", map.options().resolution);
+  });
   status.addf("Insertion, mean (ms)", "%.2f", milliseconds(activity_.insertion_time, activity_.insertions));
   status.addf("Insertion, longest (ms)", "%.2f", 1e3 * activity_.longest_insertion);
-  status.addf("Publishing, mean (ms)", "%.2f",
-              milliseconds(activity_.publication_time, activity_.publications));
+  const std::lock_guard<std::mutex> lock(publications_mutex_);
+  status.addf("Publishing, mean (ms)", "%.2f", milliseconds(publications_.time, publications_.count));
 }
 
 }  // namespace rtree_occupancy_map

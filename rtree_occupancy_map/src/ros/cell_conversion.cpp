@@ -3,8 +3,8 @@
 
 #include <sensor_msgs/PointField.h>
 
-#include <algorithm>
-#include <cstring>
+#include <array>
+#include <utility>
 
 namespace rtree_occupancy_map {
 
@@ -27,7 +27,29 @@ MapCell toMessage(const OccupancyMap& map, const Cell& cell) {
   return message;
 }
 
-sensor_msgs::PointCloud2 toPointCloud2(const OccupancyMap& map, const std::vector<Cell>& cells) {
+namespace {
+
+using Point = std::array<float, 8>;
+
+void append(const MapSnapshot& map, const std::vector<Cell>& cells, std::vector<std::uint8_t>& data) {
+  for (const Cell& cell : cells) {
+    if (!map.isOccupied(cell)) continue;
+    const Eigen::Vector3f center = map.center(cell.box).cast<float>();
+    const Eigen::Vector3f size = (map.maxCorner(cell.box) - map.minCorner(cell.box)).cast<float>();
+    const Point point = {center.x(),
+                         center.y(),
+                         center.z(),
+                         size.x(),
+                         size.y(),
+                         size.z(),
+                         static_cast<float>(OccupancyMap::probability(cell.log_odds)),
+                         cell.reflectivity.mean};
+    const auto* bytes = reinterpret_cast<const std::uint8_t*>(point.data());
+    data.insert(data.end(), bytes, bytes + sizeof(point));
+  }
+}
+
+sensor_msgs::PointCloud2 cloudOf(std::vector<std::uint8_t> data) {
   sensor_msgs::PointCloud2 cloud;
   for (const char* name : {"x", "y", "z", "size_x", "size_y", "size_z", "probability", "reflectivity"}) {
     sensor_msgs::PointField field;
@@ -39,47 +61,37 @@ sensor_msgs::PointCloud2 toPointCloud2(const OccupancyMap& map, const std::vecto
     cloud.point_step += sizeof(float);
   }
   cloud.height = 1;
-  cloud.width = static_cast<std::uint32_t>(cells.size());
+  cloud.width = static_cast<std::uint32_t>(data.size() / cloud.point_step);
   cloud.row_step = cloud.width * cloud.point_step;
   cloud.is_dense = true;  // of x y z
-  cloud.data.resize(cells.size() * cloud.point_step);
-  std::uint8_t* out = cloud.data.data();
-  for (const Cell& cell : cells) {
-    const Eigen::Vector3f center = map.center(cell.box).cast<float>();
-    const Eigen::Vector3f size = (map.maxCorner(cell.box) - map.minCorner(cell.box)).cast<float>();
-    const float values[] = {center.x(),
-                            center.y(),
-                            center.z(),
-                            size.x(),
-                            size.y(),
-                            size.z(),
-                            static_cast<float>(OccupancyMap::probability(cell.log_odds)),
-                            cell.reflectivity.mean};
-    std::memcpy(out, values, sizeof(values));
-    out += sizeof(values);
-  }
+  cloud.data = std::move(data);
   return cloud;
 }
 
-std::vector<Block> knownBlocks(const OccupancyMap& map) {
-  std::vector<Block> blocks;
-  map.tree().visitAll([&blocks](const Cell& cell) {
-    const Block block = OccupancyMap::blockOf({cell.box.min[0], cell.box.min[1], cell.box.min[2]});
-    if (blocks.empty() || blocks.back() != block) blocks.push_back(block);
-    return true;
-  });
-  std::sort(blocks.begin(), blocks.end());
-  blocks.erase(std::unique(blocks.begin(), blocks.end()), blocks.end());
-  return blocks;
+}  // namespace
+
+sensor_msgs::PointCloud2 occupiedCloud(const MapSnapshot& map) {
+  std::vector<std::uint8_t> data;
+  for (const auto& [block, cells] : map.blocks) append(map, cells, data);
+  return cloudOf(std::move(data));
 }
 
-void appendOccupied(const OccupancyMap& map, const Block& block, std::vector<Cell>& cells) {
-  const VoxelBox box = OccupancyMap::boxOf(block);
-  map.tree().visitOccupiedIf([&box](const VoxelBox& b) { return box.overlaps(b); },
-                             [&cells](const Cell& cell) {
-                               cells.push_back(cell);
-                               return true;
-                             });
+void OccupiedCloud::update(const MapSnapshot& changed) {
+  for (const auto& [block, cells] : changed.blocks) {
+    std::vector<std::uint8_t>& data = blocks_[block];
+    data.clear();
+    append(changed, cells, data);
+    if (data.empty()) blocks_.erase(block);
+  }
+}
+
+sensor_msgs::PointCloud2 OccupiedCloud::cloud() const {
+  std::size_t size = 0;
+  for (const auto& [block, points] : blocks_) size += points.size();
+  std::vector<std::uint8_t> data;
+  data.reserve(size);
+  for (const auto& [block, points] : blocks_) data.insert(data.end(), points.begin(), points.end());
+  return cloudOf(std::move(data));
 }
 
 }  // namespace rtree_occupancy_map

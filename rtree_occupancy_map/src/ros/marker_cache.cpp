@@ -14,7 +14,7 @@ namespace {
 
 constexpr float kFreeAlpha = 0.1F;
 
-std_msgs::ColorRGBA colorOf(const OccupancyMap& map, const Cell& cell, const ColorScale& scale) {
+std_msgs::ColorRGBA colorOf(const MapSnapshot& map, const Cell& cell, const ColorScale& scale) {
   std_msgs::ColorRGBA color;
   const auto fraction = [&scale](double value) {
     return static_cast<float>(std::clamp((value - scale.min) / (scale.max - scale.min), 0.0, 1.0));
@@ -54,17 +54,15 @@ MarkerCache::MarkerCache(const std::string& frame_id, Show show) : show_(show) {
   marker_.color.a = 1.0F;
 }
 
-visualization_msgs::MarkerArray MarkerCache::changes(const OccupancyMap& map,
-                                                     const std::vector<Block>& blocks,
-                                                     const ColorScale& scale) {
-  return show(map, blocks, scale, false);
+visualization_msgs::MarkerArray MarkerCache::changes(const MapSnapshot& blocks, const ColorScale& scale) {
+  return show(blocks, scale, false);
 }
 
-visualization_msgs::MarkerArray MarkerCache::all(const OccupancyMap& map, const ColorScale& scale) {
-  return show(map, knownBlocks(map), scale, true);
+visualization_msgs::MarkerArray MarkerCache::all(const MapSnapshot& map, const ColorScale& scale) {
+  return show(map, scale, true);
 }
 
-visualization_msgs::MarkerArray MarkerCache::restart(const OccupancyMap& map, const ColorScale& scale) {
+visualization_msgs::MarkerArray MarkerCache::restart(const MapSnapshot& map, const ColorScale& scale) {
   clear();
   visualization_msgs::MarkerArray out = all(map, scale);
   marker_.points.clear();
@@ -80,23 +78,16 @@ void MarkerCache::clear() {
   next_id_ = 0;
 }
 
-visualization_msgs::MarkerArray MarkerCache::show(const OccupancyMap& map, const std::vector<Block>& blocks,
-                                                  const ColorScale& scale, bool unchanged_too) {
+visualization_msgs::MarkerArray MarkerCache::show(const MapSnapshot& map, const ColorScale& scale,
+                                                  bool unchanged_too) {
   visualization_msgs::MarkerArray out;
   std::vector<std::int32_t> freed;  // for later messages: RViz warns of an id that is twice in one
   std::map<Size, std::vector<Cell>> by_size;
-  for (const Block& block : blocks) {
+  for (const auto& [block, block_cells] : map.blocks) {
     by_size.clear();
-    const VoxelBox box = OccupancyMap::boxOf(block);
-    const auto inBlock = [&box](const VoxelBox& b) { return box.overlaps(b); };
-    const auto collect = [&](const Cell& cell) {
-      by_size[{cell.box.width(0), cell.box.width(1), cell.box.width(2)}].push_back(cell);
-      return true;
-    };
-    if (show_ == Show::kOccupied) {
-      map.tree().visitOccupiedIf(inBlock, collect);
-    } else {
-      map.tree().visitIf(inBlock, [&](const Cell& cell) { return map.isOccupied(cell) || collect(cell); });
+    for (const Cell& cell : block_cells) {
+      if (map.isOccupied(cell) == (show_ == Show::kOccupied))
+        by_size[{cell.box.width(0), cell.box.width(1), cell.box.width(2)}].push_back(cell);
     }
 
     // What vanished.
@@ -135,11 +126,11 @@ visualization_msgs::MarkerArray MarkerCache::show(const OccupancyMap& map, const
   return out;
 }
 
-void MarkerCache::fill(const OccupancyMap& map, const std::vector<Cell>& cells, const ColorScale& scale) {
+void MarkerCache::fill(const MapSnapshot& map, const std::vector<Cell>& cells, const ColorScale& scale) {
   const VoxelBox& box = cells.front().box;  // all are of this size
-  marker_.scale.x = box.width(0) * map.options().resolution;
-  marker_.scale.y = box.width(1) * map.options().resolution;
-  marker_.scale.z = box.width(2) * map.options().resolution;
+  marker_.scale.x = box.width(0) * map.resolution;
+  marker_.scale.y = box.width(1) * map.resolution;
+  marker_.scale.z = box.width(2) * map.resolution;
   marker_.points.clear();
   marker_.colors.clear();
   for (const Cell& cell : cells) {

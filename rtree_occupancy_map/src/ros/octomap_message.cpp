@@ -5,13 +5,14 @@
 
 namespace rtree_occupancy_map {
 
-OctomapMessage toMessage(const OccupancyMap& map, OctomapFormat format, const std_msgs::Header& header) {
+OctomapMessage toMessage(OctomapData octree, OctomapFormat format, double resolution,
+                         const std_msgs::Header& header) {
   OctomapMessage message;
   message.header = header;
   message.binary = format == OctomapFormat::kBinary ? 1 : 0;
   message.id = "OcTree";
-  message.resolution = map.options().resolution;
-  message.data = std::move(toOctomap(map, format).bytes);
+  message.resolution = resolution;
+  message.data = std::move(octree.bytes);
   return message;
 }
 

@@ -22,35 +22,34 @@ void ProjectedMap::clear() {
   grid_.info.width = grid_.info.height = 1;
   grid_.info.origin.orientation.w = 1.0;
   grid_.data = {kUnknown};
+  layers_.clear();
 }
 
-void ProjectedMap::rebuild(const OccupancyMap& map, double min_z, double max_z, int max_size,
+void ProjectedMap::rebuild(const MapSnapshot& map, double min_z, double max_z, int max_size,
                            const std_msgs::Header& header) {
   clear();
   max_blocks_ = std::max(1, max_size / kBlockSize);
-  heights_ = map.boxOf({0.0, 0.0, min_z}, {0.0, 0.0, max_z});
-  grid_.info.resolution = static_cast<float>(map.options().resolution);
+  heights_ = voxelsWithin({0.0, 0.0, min_z}, {0.0, 0.0, max_z}, map.resolution);
+  grid_.info.resolution = static_cast<float>(map.resolution);
   map_msgs::OccupancyGridUpdate ignored;
-  update(map, knownBlocks(map), header, ignored);
+  update(map, header, ignored);
 }
 
-bool ProjectedMap::update(const OccupancyMap& map, const std::vector<Block>& blocks,
-                          const std_msgs::Header& header, map_msgs::OccupancyGridUpdate& patch) {
+bool ProjectedMap::update(const MapSnapshot& blocks, const std_msgs::Header& header,
+                          map_msgs::OccupancyGridUpdate& patch) {
   std::vector<Column> columns;
-  for (const Block& block : blocks) {
-    const VoxelBox box = OccupancyMap::boxOf(block);
-    if (box.min[2] < heights_.max[2] && heights_.min[2] < box.max[2]) columns.push_back({block[0], block[1]});
-  }
+  for (const MapSnapshot::BlockCells& block : blocks.blocks)
+    if (setLayer(blocks, block)) columns.push_back({block.block[0], block.block[1]});
   std::sort(columns.begin(), columns.end());
   columns.erase(std::unique(columns.begin(), columns.end()), columns.end());
-  leaveOutFar(map, blocks, columns);
-  const bool grown = grow(columns, map.options().resolution);
+  leaveOutFar(blocks, columns);
+  const bool grown = grow(columns, blocks.resolution);
 
   const int width = static_cast<int>(grid_.info.width);
   int min_x = width, max_x = 0, min_y = static_cast<int>(grid_.info.height),
       max_y = 0;  // what changed, half-open
   for (const Column& column : columns) {
-    const Pixels pixels = project(map, column);
+    const Pixels pixels = project(column);
     const int x0 = (column[0] - min_[0]) * kBlockSize, y0 = (column[1] - min_[1]) * kBlockSize;
     for (int y = 0; y < kBlockSize; ++y) {
       for (int x = 0; x < kBlockSize; ++x) {
@@ -86,8 +85,7 @@ Eigen::Vector2d ProjectedMap::wholeSize() const {
 }
 
 // The nearest to what is shown go first, and at the start the nearest to where most is occupied.
-void ProjectedMap::leaveOutFar(const OccupancyMap& map, const std::vector<Block>& blocks,
-                               std::vector<Column>& columns) {
+void ProjectedMap::leaveOutFar(const MapSnapshot& blocks, std::vector<Column>& columns) {
   for (const Column& column : columns) {
     for (int i = 0; i < 2; ++i) {
       whole_min_[i] = std::min(whole_min_[i], column[i]);
@@ -99,7 +97,7 @@ void ProjectedMap::leaveOutFar(const OccupancyMap& map, const std::vector<Block>
     return;
   }
   const Column middle =
-      min_[0] < max_[0] ? Column{(min_[0] + max_[0]) / 2, (min_[1] + max_[1]) / 2} : middleOf(map, blocks);
+      min_[0] < max_[0] ? Column{(min_[0] + max_[0]) / 2, (min_[1] + max_[1]) / 2} : middleOf(blocks);
   const auto distance = [&](const Column& column) {
     return std::max(std::abs(column[0] - middle[0]), std::abs(column[1] - middle[1]));
   };
@@ -121,15 +119,13 @@ void ProjectedMap::leaveOutFar(const OccupancyMap& map, const std::vector<Block>
 }
 
 // The median of the occupied cells. (Beams without a near end cross many blocks.)
-ProjectedMap::Column ProjectedMap::middleOf(const OccupancyMap& map, const std::vector<Block>& blocks) {
+ProjectedMap::Column ProjectedMap::middleOf(const MapSnapshot& blocks) {
   std::array<std::vector<int>, 2> values;
-  for (const Block& block : blocks) {
-    map.visitBlock(block, [&](const Cell& cell) {
-      for (int i = 0; i < 2 && map.isOccupied(cell); ++i) values[i].push_back(block[i]);
-      return true;
-    });
+  for (const auto& [block, cells] : blocks.blocks) {
+    for (const Cell& cell : cells)
+      for (int i = 0; i < 2 && blocks.isOccupied(cell); ++i) values[i].push_back(block[i]);
   }
-  if (values[0].empty()) return {blocks.front()[0], blocks.front()[1]};
+  if (values[0].empty()) return {blocks.blocks.front().block[0], blocks.blocks.front().block[1]};
   Column middle;
   for (int i = 0; i < 2; ++i) {
     const auto at = values[i].begin() + static_cast<std::ptrdiff_t>(values[i].size() / 2);
@@ -170,22 +166,47 @@ bool ProjectedMap::grow(const std::vector<Column>& columns, double resolution) {
   return true;
 }
 
-ProjectedMap::Pixels ProjectedMap::project(const OccupancyMap& map, const Column& column) const {
-  Pixels pixels;
-  pixels.fill(kUnknown);
-  VoxelBox box = OccupancyMap::boxOf(Block{column[0], column[1], 0});
-  box.min[2] = heights_.min[2];
-  box.max[2] = heights_.max[2];
-  map.tree().visitOverlapping(box, [&](const Cell& cell) {
-    const std::int8_t value = map.isOccupied(cell) ? kOccupied : kFree;
-    for (int y = cell.box.min[1]; y < cell.box.max[1]; ++y) {
-      for (int x = cell.box.min[0]; x < cell.box.max[0]; ++x) {
-        std::int8_t& pixel = pixels[(y - box.min[1]) * kBlockSize + x - box.min[0]];
-        pixel = std::max(pixel, value);
-      }
+// @return whether the block is within the heights
+bool ProjectedMap::setLayer(const MapSnapshot& map, const MapSnapshot::BlockCells& block) {
+  const VoxelBox box = OccupancyMap::boxOf(block.block);
+  if (!(box.min[2] < heights_.max[2] && heights_.min[2] < box.max[2])) return false;
+  Layer layer;
+  bool any = false;
+  for (const Cell& cell : block.cells) {
+    const VoxelBox& b = cell.box;
+    if (!(b.min[2] < heights_.max[2] && heights_.min[2] < b.max[2])) continue;
+    any = true;
+    const int x0 = b.min[0] - box.min[0], width = b.width(0);
+    const std::uint32_t bits = (width == kBlockSize ? ~0u : (1u << width) - 1) << x0;
+    for (int y = b.min[1] - box.min[1]; y < b.max[1] - box.min[1]; ++y) {
+      layer.known[y] |= bits;
+      if (map.isOccupied(cell)) layer.occupied[y] |= bits;
     }
-    return true;
-  });
+  }
+  std::map<int, Layer>& column = layers_[{block.block[0], block.block[1]}];
+  if (any) {
+    column[block.block[2]] = layer;
+  } else {
+    column.erase(block.block[2]);
+  }
+  return true;
+}
+
+ProjectedMap::Pixels ProjectedMap::project(const Column& column) const {
+  Layer all;
+  for (const auto& [z, layer] : layers_.at(column)) {
+    for (int y = 0; y < kBlockSize; ++y) {
+      all.known[y] |= layer.known[y];
+      all.occupied[y] |= layer.occupied[y];
+    }
+  }
+  Pixels pixels;
+  for (int y = 0; y < kBlockSize; ++y) {
+    for (int x = 0; x < kBlockSize; ++x) {
+      const auto in = [&](const Rows& rows) { return (rows[y] >> x & 1) != 0; };
+      pixels[y * kBlockSize + x] = in(all.occupied) ? kOccupied : in(all.known) ? kFree : kUnknown;
+    }
+  }
   return pixels;
 }
 

@@ -3,10 +3,13 @@
 
 #include <geometry_msgs/Point.h>
 #include <rtree_occupancy_map/MapCell.h>
+#include <rtree_occupancy_map/map_snapshot.h>
 #include <rtree_occupancy_map/occupancy_map.h>
 #include <sensor_msgs/PointCloud2.h>
 
 #include <Eigen/Core>
+#include <cstdint>
+#include <map>
 #include <vector>
 
 namespace rtree_occupancy_map {
@@ -19,14 +22,19 @@ Eigen::Vector3d toEigen(const Message& m) {
 geometry_msgs::Point toPoint(const Eigen::Vector3d& p);
 MapCell toMessage(const OccupancyMap& map, const Cell& cell);
 
-/// A cloud of the cells' centres: float32 x y z, size_x size_y size_z (m), probability, reflectivity (NaN
-/// without). The header is left to the caller.
-sensor_msgs::PointCloud2 toPointCloud2(const OccupancyMap& map, const std::vector<Cell>& cells);
+/// A cloud of the occupied cells' centres: float32 x y z, size_x size_y size_z (m), probability, reflectivity
+/// (NaN without). The header is left to the caller.
+sensor_msgs::PointCloud2 occupiedCloud(const MapSnapshot& map);
 
-/// All blocks with at least one cell, sorted.
-std::vector<Block> knownBlocks(const OccupancyMap& map);
+/// The same cloud of a map that changes: only blocks that changed are converted.
+class OccupiedCloud {
+ public:
+  void update(const MapSnapshot& changed);
+  sensor_msgs::PointCloud2 cloud() const;
+  void clear() { blocks_.clear(); }
 
-/// Appends the block's occupied cells.
-void appendOccupied(const OccupancyMap& map, const Block& block, std::vector<Cell>& cells);
+ private:
+  std::map<Block, std::vector<std::uint8_t>> blocks_;  // the data of their points
+};
 
 }  // namespace rtree_occupancy_map

@@ -2,13 +2,15 @@
 #pragma once
 
 #include <ros/ros.h>
-#include <rtree_occupancy_map/occupancy_map.h>
+#include <rtree_occupancy_map/map_snapshot.h>
+#include <rtree_occupancy_map/ros/cell_conversion.h>
 #include <rtree_occupancy_map/ros/marker_cache.h>
 #include <rtree_occupancy_map/ros/octomap_message.h>
 #include <rtree_occupancy_map/ros/projected_map.h>
 #include <sensor_msgs/PointCloud2.h>
 
 #include <limits>
+#include <mutex>
 #include <set>
 #include <string>
 #include <vector>
@@ -28,8 +30,9 @@ struct DisplayOptions {
   void describe(mapping_common::OptionList& o) {
     o("frame_id", frame_id, "", "fixed frame that the map is built in").notEmpty();
     o("full_map_period", full_map_period, "s",
-      "a map that changed is sent as a whole this often at most: octomap_binary and octomap_full; "
-      "occupied_cells_centers and projected_map for those who don't listen to their updates")
+      "a map that changed is sent as a whole this often at most, less often where that takes more than a "
+      "twentieth of the time: octomap_binary and octomap_full; occupied_cells_centers and projected_map for "
+      "those who don't listen to their updates")
         .atLeast(0.0);
     o("latch", latch, "",
       "true: a new subscriber gets the whole map at once; false: what changes from then on");
@@ -50,15 +53,17 @@ struct DisplayOptions {
   }
 };
 
-/// Publishes a map: markers, cells, projection. A new subscriber gets everything once, later messages hold
-/// what changed, and what nobody listens to costs nothing. (To ROS, all subscribers of a topic in one process
-/// are one.) All calls must come from the thread of the handle's callbacks.
+/// Publishes a map: markers, cells, projection, octrees. A new subscriber gets everything once, later
+/// messages hold what changed, and what nobody listens to costs nothing. (To ROS, all subscribers of a topic
+/// in one process are one.) Messages are made from copies of what changed, so that the map can change
+/// meanwhile, and all calls may come from any thread.
 class MapPublisher {
  public:
+  /// @param node its callbacks are called when somebody subscribes
   /// @param map stays where it is for as long as the publisher lives
-  MapPublisher(ros::NodeHandle& node, const DisplayOptions& options, const OccupancyMap& map);
+  MapPublisher(ros::NodeHandle& node, const DisplayOptions& options, const SharedMap& map);
 
-  /// As the map was at `stamp`, these blocks changed.
+  /// As the map was at `stamp`, these blocks changed. Doesn't wait for messages that are being made.
   void changed(const std::vector<Block>& blocks, const ros::Time& stamp);
   /// Sends what changed since the last call.
   void publish();
@@ -67,9 +72,8 @@ class MapPublisher {
   /// Frame and topics stay as they are; where others differ all is sent anew.
   /// @throws std::invalid_argument that names the option, its value and what is allowed
   void setOptions(const DisplayOptions& options);
-  const DisplayOptions& options() const { return options_; }
-  /// Empty where nobody listens.
-  const ProjectedMap& projectedMap() const { return projected_map_; }
+  /// What the projected map leaves out, in words; empty if that is nothing, or nobody listens.
+  std::string leftOut() const;
 
  private:
   struct Markers {
@@ -78,42 +82,54 @@ class MapPublisher {
     bool active = false;  // whether the cache is in use
   };
 
-  // A topic that the whole map is sent to.
+  // A topic that the whole map is sent to, with what is kept of it while somebody listens.
+  template <class Content>
   struct Whole {
     ros::Publisher publisher;
-    bool changed = false;  // since it was sent
-    ros::WallTime last;    // when it was
+    Content content;
+    bool active = false;        // whether the content is in use
+    std::set<Block> changed{};  // since it was sent to all
+    ros::WallTime last{};       // when it was sent
+    ros::WallDuration cost{};   // of making and sending it then
   };
 
-  template <class MakeMessage>
-  void advertiseWhole(ros::NodeHandle& node, const std::string& topic, Whole& whole, const MakeMessage& make);
-  template <class MakeMessage>
-  void publishWhole(Whole& whole, bool changed, bool at_once, const MakeMessage& make);
-  void publishWholes(bool changed, bool at_once);
+  template <class Content>
+  void advertiseWhole(ros::NodeHandle& node, const std::string& topic, Whole<Content>& whole);
+  template <class Content>
+  void publishWhole(Whole<Content>& whole, const std::vector<Block>& changed);
+  template <class Content>
+  void restartWhole(Whole<Content>& whole, const MapSnapshot& all);
+  template <class Content>
+  void update(Whole<Content>& whole) const;
+  sensor_msgs::PointCloud2 messageOf(const OccupiedCloud& cloud) const;
+  OctomapMessage messageOf(const Octree& octree) const;
   void advertiseMarkers(ros::NodeHandle& node, const std::string& topic, Markers& markers);
-  void publishMarkers(Markers& markers, const std::vector<Block>& blocks);
-  void publishCells(const std::vector<Block>& blocks);
-  void publishProjection(const std::vector<Block>& blocks);
+  void publishChanges();
+  void restartAll();
+  void publishMarkers(Markers& markers, const MapSnapshot& changed);
+  void publishProjection(const MapSnapshot& changed);
   void startProjection();
   void sendProjection();
+  bool isActive() const;
   std_msgs::Header header() const;
-  sensor_msgs::PointCloud2 cloudOf(const std::vector<Cell>& cells) const;
-  sensor_msgs::PointCloud2 cloudOfAll() const;
-  bool due(const ros::WallTime& last) const;
+  bool due(const ros::WallTime& last, const ros::WallDuration& cost) const;
 
-  const OccupancyMap& map_;
+  const SharedMap& map_;
+  mutable std::mutex mutex_;  // of all below but for changed_ and stamp_
   DisplayOptions options_;
-  std::set<Block> changed_;
-  ros::Time stamp_;
-
   Markers occupied_, free_;
-  Whole cells_, octomap_binary_, octomap_full_;
+  Whole<OccupiedCloud> cells_;
+  Whole<Octree> octomap_binary_, octomap_full_;
   ros::Publisher cells_updates_, projection_, projection_updates_;
   bool projection_changed_ = false;  // since it was sent as a whole
   ros::WallTime last_projection_;    // when it was
   ProjectedMap projected_map_;
   ros::WallTime last_resize_;  // when its extent became another one
   bool projection_active_ = false;
+
+  mutable std::mutex changes_mutex_;
+  std::set<Block> changed_;
+  ros::Time stamp_;
 };
 
 }  // namespace rtree_occupancy_map

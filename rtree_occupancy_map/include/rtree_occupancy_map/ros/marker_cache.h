@@ -2,7 +2,7 @@
 #pragma once
 
 #include <mapping_common/options.h>
-#include <rtree_occupancy_map/occupancy_map.h>
+#include <rtree_occupancy_map/map_snapshot.h>
 #include <visualization_msgs/MarkerArray.h>
 
 #include <array>
@@ -40,12 +40,11 @@ class MarkerCache {
   MarkerCache(const std::string& frame_id, Show show);
 
   /// What changed in these blocks since they were last shown.
-  visualization_msgs::MarkerArray changes(const OccupancyMap& map, const std::vector<Block>& blocks,
-                                          const ColorScale& scale);
+  visualization_msgs::MarkerArray changes(const MapSnapshot& blocks, const ColorScale& scale);
   /// Everything, for one who has seen nothing yet. Ask for the changes first, or others will miss them.
-  visualization_msgs::MarkerArray all(const OccupancyMap& map, const ColorScale& scale);
+  visualization_msgs::MarkerArray all(const MapSnapshot& map, const ColorScale& scale);
   /// Everything, for all, in the place of whatever was shown.
-  visualization_msgs::MarkerArray restart(const OccupancyMap& map, const ColorScale& scale);
+  visualization_msgs::MarkerArray restart(const MapSnapshot& map, const ColorScale& scale);
   void clear();
 
  private:
@@ -56,9 +55,8 @@ class MarkerCache {
     std::size_t content;  // hash
   };
 
-  visualization_msgs::MarkerArray show(const OccupancyMap& map, const std::vector<Block>& blocks,
-                                       const ColorScale& scale, bool unchanged_too);
-  void fill(const OccupancyMap& map, const std::vector<Cell>& cells, const ColorScale& scale);
+  visualization_msgs::MarkerArray show(const MapSnapshot& map, const ColorScale& scale, bool unchanged_too);
+  void fill(const MapSnapshot& map, const std::vector<Cell>& cells, const ColorScale& scale);
 
   Show show_;
   visualization_msgs::Marker marker_;  // filled anew for each

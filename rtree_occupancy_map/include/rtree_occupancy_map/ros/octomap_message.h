@@ -33,7 +33,9 @@ struct GetOctomap {
   Response response;
 };
 
-OctomapMessage toMessage(const OccupancyMap& map, OctomapFormat format, const std_msgs::Header& header);
+/// @param resolution m
+OctomapMessage toMessage(OctomapData octree, OctomapFormat format, double resolution,
+                         const std_msgs::Header& header);
 
 }  // namespace rtree_occupancy_map
 
