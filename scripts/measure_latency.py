@@ -50,7 +50,8 @@ class Listener:
             print(f"{topic:32} {messages:5} messages, {size / 1e6:8.1f} MB")
         if self.latencies:
             latencies = sorted(self.latencies)
-            print(f"From cloud to published change, {len(latencies)} clouds: median {1e3 * latencies[len(latencies) // 2]:.0f} ms, "
+            median = latencies[len(latencies) // 2]
+            print(f"From cloud to published change, {len(latencies)} clouds: median {1e3 * median:.0f} ms, "
                   f"greatest {1e3 * latencies[-1]:.0f} ms; {len(self.waiting)} clouds weren't published")
 
 
