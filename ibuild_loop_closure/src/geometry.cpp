@@ -16,11 +16,11 @@ struct PointPairs {
   std::vector<cv::Point2f> query, match;
 };
 
-PointPairs pointsOf(const View& query, const View& match, const std::vector<Match>& pairs) {
+PointPairs pointsOf(const Features& query, const Features& match, const std::vector<Match>& pairs) {
   PointPairs points;
   for (const Match& pair : pairs) {
-    points.query.push_back(query.features.points[pair.a]);
-    points.match.push_back(match.features.points[pair.b]);
+    points.query.push_back(query.points[pair.a]);
+    points.match.push_back(match.points[pair.b]);
   }
   return points;
 }
@@ -31,6 +31,7 @@ struct Layout {
   cv::Point2f operator()(const cv::Point2f& p) const {
     return {rotation.x * p.x - rotation.y * p.y + offset.x, rotation.y * p.x + rotation.x * p.y + offset.y};
   }
+  double scale() const { return std::hypot(rotation.x, rotation.y); }
 };
 
 std::optional<Layout> layoutOf(const PointPairs& p, std::size_t i, std::size_t j, float min_distance,
@@ -40,7 +41,7 @@ std::optional<Layout> layoutOf(const PointPairs& p, std::size_t i, std::size_t j
   if (length < min_distance * min_distance) return {};
   Layout layout;
   layout.rotation = {from.dot(to) / length, static_cast<float>(from.cross(to)) / length};
-  const double scale = std::hypot(layout.rotation.x, layout.rotation.y);
+  const double scale = layout.scale();
   if (!(scale <= max_scale && scale * max_scale >= 1.0)) return {};
   layout.offset = p.match[i] - layout(p.query[i]);
   return layout;
@@ -86,6 +87,43 @@ double significanceOf(int matches, int inliers, double probability) {
   if (inliers <= static_cast<int>(kLayoutPoints)) return 0.0;
   return -(log10Choose(matches, inliers) + log10Choose(inliers, kLayoutPoints) +
            static_cast<double>(inliers - kLayoutPoints) * std::log10(probability));
+}
+
+struct FoundLayout {
+  Layout layout;
+  std::vector<std::size_t> inliers;
+  double significance = 0.0;
+};
+
+// The layout that most pairs fit, and its least squares.
+FoundLayout findLayout(const PointPairs& points, cv::Size query, cv::Size match,
+                       const GeometryOptions& options) {
+  const std::size_t count = points.query.size();
+  const auto tolerance = static_cast<float>(options.layout_tolerance * match.width);
+  FoundLayout found;
+  if (count <= kLayoutPoints) return found;
+  std::vector<std::size_t> fitting;
+  std::mt19937 random(1);  // the same images always give the same result
+  for (int i = 0; i < options.iterations; ++i) {
+    const std::size_t a = random() % count, b = random() % count;
+    const auto layout = layoutOf(points, a, b, tolerance, options.max_scale);
+    if (!layout) continue;
+    fitting.clear();
+    for (std::size_t k = 0; k < count; ++k) {
+      const cv::Point2f error = (*layout)(points.query[k]) - points.match[k];
+      if (error.dot(error) < tolerance * tolerance) fitting.push_back(k);
+    }
+    if (fitting.size() <= found.inliers.size()) continue;
+    found.inliers = fitting;
+  }
+  if (found.inliers.size() <= kLayoutPoints) return {};
+  found.layout = refined(points, found.inliers);
+  std::vector<cv::Point2f> spots;
+  for (std::size_t k : found.inliers) spots.push_back(points.query[k]);
+  found.significance =
+      significanceOf(static_cast<int>(count), distinct(spots, static_cast<float>(options.spot * query.width)),
+                     std::min(0.5, CV_PI * tolerance * tolerance / match.area()));
+  return found;
 }
 
 // Share of a grid over the query's image that falls into the other's.
@@ -183,44 +221,25 @@ GeometryResult checkLayout(const View& query, const View& match, const GeometryO
   const std::vector<Match> pairs =
       matchDescriptors(query.features.descriptors, match.features.descriptors, options.delta, options.ratio);
   result.matches = static_cast<int>(pairs.size());
-  if (pairs.size() <= kLayoutPoints) return result;
-  const PointPairs points = pointsOf(query, match, pairs);
-  const auto tolerance = static_cast<float>(options.layout_tolerance * match.size.width);
-  const auto spot = static_cast<float>(options.spot * query.size.width);
-
-  Layout best;
-  std::vector<std::size_t> inliers, fitting;
-  std::mt19937 random(1);  // the same images always give the same result
-  for (int i = 0; i < options.iterations; ++i) {
-    const std::size_t a = random() % pairs.size(), b = random() % pairs.size();
-    const auto layout = layoutOf(points, a, b, tolerance, options.max_scale);
-    if (!layout) continue;
-    fitting.clear();
-    for (std::size_t k = 0; k < pairs.size(); ++k) {
-      const cv::Point2f error = (*layout)(points.query[k]) - points.match[k];
-      if (error.dot(error) < tolerance * tolerance) fitting.push_back(k);
-    }
-    if (fitting.size() <= inliers.size()) continue;
-    inliers = fitting;
-    best = *layout;
-  }
-  if (inliers.size() <= kLayoutPoints) return result;
-  best = refined(points, inliers);
-  std::vector<cv::Point2f> spots;
-  for (std::size_t k : inliers) {
-    result.pairs.push_back(pairs[k]);
-    spots.push_back(points.query[k]);
-  }
-  const int count = distinct(spots, spot);
-  const double probability = std::min(0.5, CV_PI * tolerance * tolerance / match.size.area());
-  result.scale = std::hypot(best.rotation.x, best.rotation.y);
-  const double overlap = overlapOf(best, query.size, match.size);
+  const FoundLayout found =
+      findLayout(pointsOf(query.features, match.features, pairs), query.size, match.size, options);
+  for (std::size_t k : found.inliers) result.pairs.push_back(pairs[k]);
+  if (found.inliers.empty()) return result;
+  result.scale = found.layout.scale();
+  const double overlap = overlapOf(found.layout, query.size, match.size);
   const double of_match = overlap * result.scale * result.scale * query.size.area() / match.size.area();
   result.overlap = std::min(overlap, of_match);
-  if (result.overlap >= options.min_overlap) {
-    result.significance = significanceOf(result.matches, count, probability);
-  }
+  if (result.overlap >= options.min_overlap) result.significance = found.significance;
   return result;
+}
+
+std::optional<ImageMotion> motionSince(const Features& last, const View& view,
+                                       const std::vector<Match>& matches, const GeometryOptions& options) {
+  constexpr double kSignificance = 4.0;
+  const FoundLayout found = findLayout(pointsOf(view.features, last, matches), view.size, view.size, options);
+  if (found.significance < kSignificance) return {};
+  const cv::Point2f middle(0.5f * view.size.width, 0.5f * view.size.height);
+  return ImageMotion{(found.layout(middle).x - middle.x) / view.size.width, -std::log(found.layout.scale())};
 }
 
 View firstFeatures(const View& view, std::size_t count) {
@@ -249,7 +268,7 @@ void verify(const View& query, const View& match, const std::optional<Camera>& c
     result.pose.reset();  // too few depths: the images alone may still do
   }
   if (result.pairs.size() < kEpipolarPoints) return;
-  const PointPairs points = pointsOf(query, match, result.pairs);
+  const PointPairs points = pointsOf(query.features, match.features, result.pairs);
   cv::Mat mask;
   if (camera) {
     cv::findEssentialMat(points.query, points.match, matrixOf(*camera), cv::RANSAC, 0.99, tolerance, mask);

@@ -3,9 +3,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <limits>
 #include <numeric>
 #include <stdexcept>
+#include <tuple>
 
 #include "ibuild_loop_closure/vocabulary_file.h"
 
@@ -167,6 +169,7 @@ Detection LoopDetector::process(const Frame& frame, const StageDone& done) {
   finish(Stage::kHypotheses);
   Features last_features = view.features;
   if (options_.geometric_check) {
+    if (options_.leave_first) straight_run_.add(motionSince(last_, view, matches, options_.geometry));
     view = firstFeatures(view, options_.geometry.max_features);
     view.depths = frame.right && frame.camera ? depthsByStereo(frame.image, *frame.right, *frame.camera,
                                                                view.features.points, options_.stereo)
@@ -197,7 +200,8 @@ double LoopDetector::progressOf(const View& view, const std::vector<Match>& trac
 }
 
 // Candidates are the images before that one: t_L = t - beta and earlier. If so wanted none of those either
-// that show what has been in view since then: a slow camera closes no loop.
+// that the camera has gone straight ahead since, or that show what has been in view since then: a slow camera
+// closes no loop.
 int LoopDetector::endOfCandidates(const View& view, int end) {
   if (!options_.leave_first) return end;
   const int step = std::max(1, options_.beta / 2);
@@ -207,7 +211,7 @@ int LoopDetector::endOfCandidates(const View& view, int end) {
   };
   while (in_view_ < end && !shows_the_same(in_view_)) in_view_ += step;
   in_view_ = std::min(in_view_, end);
-  return in_view_;
+  return std::min(in_view_, straight_run_.start());
 }
 
 // Whether the camera has lost sight of an image since then, for beta / 2 images at least. Common words tell
@@ -218,7 +222,7 @@ bool LoopDetector::hasLeft(int image, double significance) const {
   const int step = std::max(window, (images() - image) / kWindows);
   const std::vector<int>& words = vocabulary_.wordsOf(image);
   std::size_t least = std::numeric_limits<std::size_t>::max();
-  int closest_of_least = -1;
+  int closest_of_least = -1, least_from_middle = std::numeric_limits<int>::max();
   for (int first = image + 1; first < images(); first += step) {
     const auto last = static_cast<int>(
         std::lower_bound(clock_.begin(), clock_.end(), clock_[first] + window - 1 - kRounding) -
@@ -232,8 +236,11 @@ bool LoopDetector::hasLeft(int image, double significance) const {
       most = common;
       closest = i;
     }
-    if (most >= least) continue;
+    // Of those with as few words the one that is farthest from both images.
+    const int from_middle = std::abs(2 * first - image - images());
+    if (std::tie(most, from_middle) >= std::tie(least, least_from_middle)) continue;
     least = most;
+    least_from_middle = from_middle;
     closest_of_least = closest;
   }
   if (closest_of_least < 0) return false;
@@ -335,7 +342,7 @@ void LoopDetector::load(const std::string& path) {
   try {
     if (file.descriptor != options_.features.descriptor)
       throw std::runtime_error("its descriptors are '" + file.descriptor + "', those of images '" +
-                               options_.features.descriptor + "'");
+                               options_.features.descriptor + "': features/descriptor has to be the file's");
     if (options_.geometric_check && file.views.size() != file.content.image_words.size())
       throw std::runtime_error("it was made without the geometric check, whose features it lacks");
     LoopDetectorOptions options = options_;
@@ -344,6 +351,7 @@ void LoopDetector::load(const std::string& path) {
     LoopDetector loaded(options);
     loaded.vocabulary_ = Vocabulary::restore(std::move(file.content));
     if (options.geometric_check) loaded.views_ = std::move(file.views);
+    loaded.straight_run_ = StraightRun(loaded.images());
     loaded.clock_.resize(loaded.images());
     std::iota(loaded.clock_.begin(), loaded.clock_.end(), 0.0);
     *this = std::move(loaded);

@@ -1,21 +1,22 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
-// What a camera sees in the simulated street, whose geometry is known.
+// What a camera sees in the simulated street or another world, whose geometry is known.
 #pragma once
 
 #include <mapping_simulation/sensors.h>
 #include <mapping_simulation/testing/worlds.h>
 
 #include <opencv2/core.hpp>
+#include <string>
 
 namespace ibuild_loop_closure {
 
 class SimulatedStreet {
  public:
   /// @param world_seed of the houses
-  explicit SimulatedStreet(std::uint32_t world_seed = 0)
-      : world_(mapping_simulation::loadWorld(file(), world_seed)),
-        walks_(mapping_simulation::loadTrajectory(file())),
+  explicit SimulatedStreet(std::uint32_t world_seed = 0, const std::string& world = "street_walk")
+      : world_(mapping_simulation::loadWorld(fileOf(world), world_seed)),
+        walks_(mapping_simulation::loadTrajectory(fileOf(world))),
         sensor_(mapping_simulation::loadSensor(mapping_simulation::configFile("simulator/camera.yaml"))) {}
 
   /// 640 x 360 pixels
@@ -40,7 +41,9 @@ class SimulatedStreet {
   }
 
  private:
-  static std::string file() { return mapping_simulation::configFile("worlds/street_walk.yaml"); }
+  static std::string fileOf(const std::string& world) {
+    return mapping_simulation::configFile("worlds/" + world + ".yaml");
+  }
 
   mapping_simulation::World world_;
   mapping_simulation::Trajectory walks_;

@@ -70,6 +70,25 @@ TEST(Layout, OfPositionsAtRandomIsNot) {
   }
 }
 
+// A camera that goes 10 % of the way to a wall and turns to the right.
+TEST(Motion, IsTheTurnAndTheExpansion) {
+  Scene scene = makeScene(Eigen::Isometry3d::Identity(), 60, 0.0);
+  std::vector<Match> matches;
+  for (int i = 0; i < 60; ++i) {
+    cv::Point2f& p = scene.query.features.points[i];
+    p = (p - cv::Point2f(320.0f, 240.0f)) / 0.9f + cv::Point2f(320.0f - 64.0f, 240.0f);
+    matches.push_back({i, i, 0});
+  }
+  confuse(scene.query, 12);
+  const auto motion = motionSince(scene.match.features, scene.query, matches, {});
+  ASSERT_TRUE(motion);
+  EXPECT_NEAR(0.09, motion->turn, 0.01);  // 64 of 640 pixels, of those before
+  EXPECT_NEAR(-std::log(0.9), motion->expansion, 0.02);
+  matches.resize(3);
+  EXPECT_FALSE(motionSince(scene.match.features, scene.query, matches, {}));
+  EXPECT_FALSE(motionSince(scene.match.features, scene.query, {}, {}));
+}
+
 TEST(Layout, OfOneSpotIsNotSignificant) {
   Scene scene = makeScene(Eigen::Isometry3d::Identity(), 60, 0.0);
   for (std::size_t i = 0; i < 60; ++i) {

@@ -76,5 +76,29 @@ TEST(SimulatedStreet, TheDetectorFindsTheSecondWalk) {
   EXPECT_GE(result.recall(), 0.5);
 }
 
+// Doors and panels come again every ten metres, and what is far away stays in view.
+TEST(SimulatedCorridor, ThatIsWalkedAlongOnceHasNoLoop) {
+  constexpr int kImages = 50;
+  SimulatedStreet corridor(1, "corridor_textured");
+  corridor.camera().width /= 2;
+  corridor.camera().height /= 2;
+  for (double* length :
+       {&corridor.camera().fx, &corridor.camera().fy, &corridor.camera().cx, &corridor.camera().cy})
+    *length /= 2.0;
+  LoopDetectorOptions options;
+  options.features.descriptor = "upright_brisk";  // the easiest to deceive
+  options.geometry.delta = 115;
+  LoopDetector detector(options);
+  options.leave_first = false;
+  LoopDetector trustful(options);
+  int deceived = 0;
+  for (int i = 0; i < kImages; ++i) {
+    const cv::Mat image = corridor.imageAt(corridor.walkAt(i), 1.0, i);  // 0.8 m after the last one
+    EXPECT_FALSE(detector.process({image, {}, {}}).accepted) << i;
+    deceived += trustful.process({image, {}, {}}).accepted;
+  }
+  EXPECT_GT(deceived, kImages / 4);
+}
+
 }  // namespace
 }  // namespace ibuild_loop_closure

@@ -86,6 +86,16 @@ struct GeometryResult {
 /// so that many candidates can be tried.
 GeometryResult checkLayout(const View& query, const View& match, const GeometryOptions& options);
 
+/// How the image of a camera moved, as far as it is a similarity transform.
+struct ImageMotion {
+  double turn = 0.0;       ///< of what is in the image's middle, widths of the image: to the left is positive
+  double expansion = 0.0;  ///< logarithm of the scale, positive where the camera goes ahead
+};
+/// @param matches a: feature of the view, b: of the last image
+/// @return none if the matches don't fit one
+std::optional<ImageMotion> motionSince(const Features& last, const View& view,
+                                       const std::vector<Match>& matches, const GeometryOptions& options);
+
 /// The first features of a view.
 View firstFeatures(const View& view, std::size_t count);
 

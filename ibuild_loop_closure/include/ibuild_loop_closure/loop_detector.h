@@ -13,6 +13,7 @@
 #include "ibuild_loop_closure/features.h"
 #include "ibuild_loop_closure/geometry.h"
 #include "ibuild_loop_closure/stereo.h"
+#include "ibuild_loop_closure/straight_run.h"
 #include "ibuild_loop_closure/temporal.h"
 #include "ibuild_loop_closure/vocabulary.h"
 
@@ -167,8 +168,9 @@ class LoopDetector {
   LoopTracks tracks_;
   std::vector<View> views_;
   std::vector<double> clock_;  // of each image: images until then, see LoopDetectorOptions::step
-  Features last_;              // of the image before
-  int in_view_ = 0;            // images from this one on show what the last one shows
+  StraightRun straight_run_;
+  Features last_;    // of the image before
+  int in_view_ = 0;  // images from this one on show what the last one shows
 };
 
 /// 4.7.1: the largest delta at which matches of consecutive images are not false. Matches are false that
