@@ -306,11 +306,12 @@ Eigen::Matrix3d Slam::unknownCovariance() const {
 void Slam::updateVelocity(double middle, const SlamResult& result) {
   if (result.status == Status::kRejected) return;
   const double elapsed = last_match_ ? middle - *last_match_ : 0.0;
+  if (result.status != Status::kUnobservable || !(middle >= last_observed_)) last_observed_ = middle;
   if (elapsed > 0.0 && elapsed <= options_.max_gap) {
-    // A velocity that can't be observed would never end.
+    // A velocity that can't be observed goes on over a blind stretch, but would never end.
     Pose motion(result.pose - matched_pose_);
     motion.z() = wrapAngle(motion.z());
-    motion -= result.match.unobservable_part * motion;
+    if (middle - last_observed_ > options_.max_gap) motion -= result.match.unobservable_part * motion;
     approach(between(Pose(0.0, 0.0, matched_pose_.z()), motion + Pose(0.0, 0.0, matched_pose_.z())) / elapsed,
              elapsed);
   }

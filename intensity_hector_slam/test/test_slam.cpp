@@ -253,6 +253,33 @@ TEST(Slam, InsertsAtPosesThatAreKnown) {
   EXPECT_EQ(before, slam.map().updates());
 }
 
+// One wall alone is in view for less than max_gap: nothing tells how far the body goes along it, but it was
+// moving.
+TEST(Slam, GoesOnThroughABlindStretch) {
+  SlamOptions options;
+  options.matcher.cost = "occupancy";
+  Slam slam(options);
+  const double blind = 2.0, end = 2.6;
+  EXPECT_LT(drive(slam, 0.0, blind), 0.03);
+  double last = blind;
+  for (; last < end; last += kPeriod) {
+    Scan scan = scanAt(last);
+    Scan wall = scan;
+    wall.points.clear();
+    wall.reflectivities.clear();
+    for (std::size_t i = 0; i < scan.points.size(); ++i) {
+      const Eigen::Vector2d seen = transform(truthAt(last), scan.points[i].cast<double>());
+      if (std::abs(seen.y() + 1.75) > 0.1 || std::abs(seen.x()) > 3.0) continue;
+      wall.points.push_back(scan.points[i]);
+      wall.reflectivities.push_back(scan.reflectivities[i]);
+    }
+    EXPECT_EQ(Status::kUnobservable, slam.process(wall).status);
+  }
+  last -= kPeriod;
+  EXPECT_GT((truthAt(last) - truthAt(blind)).head<2>().norm(), 0.2);
+  EXPECT_LT(errorOf(slam.pose(), last), 0.06);
+}
+
 TEST(Slam, SearchesAfterALongWay) {
   const double later = 0.9;
   const Pose odometry = compose(truthAt(later), {0.2, -0.15, 0.25});

@@ -98,6 +98,7 @@ class Slam {
   // The last scan that was matched: the middle of its sweep and the pose then.
   std::optional<double> last_match_;
   Pose matched_pose_ = Pose::Zero();
+  double last_observed_ = 0.0;  // the same, of the last in all directions
 };
 
 }  // namespace intensity_hector_slam
