@@ -230,6 +230,39 @@ struct MatcherOptions {
   }
 };
 
+/// Of the search of a scan in all of the map, or a large part of it.
+struct SearchOptions {
+  double cell = 0.1;
+  int points = 150;
+  double reflectivity_share = 0.6, reflectivity_scale = 0.3;
+  double min_score = 0.6, min_lead = 0.1;
+  double apart_distance = 0.7, apart_angle = 0.35;
+  double max_crossing = 0.15;
+
+  void describe(mapping_common::OptionList& o) {
+    o("place_search_cell", cell, "m",
+      "the coarsest level whose cells aren't larger is searched: finer takes more time")
+        .within(0.001, 10.0);
+    o("place_search_points", points, "", "of the scan, evenly spread").within(3, 1e6);
+    o("place_reflectivity_share", reflectivity_share, "",
+      "of a point's score, that a difference of place_reflectivity_scale or more from the map's takes")
+        .within(0.0, 1.0);
+    o("place_reflectivity_scale", reflectivity_scale, "", "see place_reflectivity_share")
+        .within(0.001, 1000.0);
+    o("place_min_score", min_score, "",
+      "mean over the points, 1 for those on what is occupied, half beside: a place has this at least")
+        .within(0.0, 1.0);
+    o("place_min_lead", min_lead, "",
+      "by which the score of a place must be above that of any other; with less it is ambiguous")
+        .within(0.0, 1.0);
+    o("place_apart_distance", apart_distance, "m", "places this far from each other are two").atLeast(0.0);
+    o("place_apart_angle", apart_angle, "rad", "or turned by this").within(0.0, 3.15);
+    o("place_max_crossing", max_crossing, "",
+      "share of the beams that cross what is occupied: more is no place")
+        .within(0.0, 1.0);
+  }
+};
+
 /// Where the iterations start.
 enum class Guess { kLastPose, kConstantVelocity, kOdometry };
 constexpr auto choicesOf(Guess) {
@@ -252,6 +285,7 @@ struct SlamOptions {
   double max_speed = 5.0, max_turn_rate = 10.0;
   double max_acceleration = 5.0, max_angular_acceleration = 15.0;
   double max_gap = 1.0;
+  SearchOptions place;
 
   void describe(mapping_common::OptionList& o) {
     o.section("map");
@@ -289,6 +323,7 @@ struct SlamOptions {
         .atLeast(0.001);
     o("max_angular_acceleration", max_angular_acceleration, "rad/s^2", "the same").atLeast(0.001);
     o("max_gap", max_gap, "s", "between scans; longer is a pause, over which no velocity holds").atLeast(0.0);
+    place.describe(o);
   }
 };
 

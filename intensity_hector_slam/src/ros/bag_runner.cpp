@@ -80,7 +80,8 @@ Eigen::Isometry3d lookup(const tf2::BufferCore& buffer, const std::string& targe
 }  // namespace
 
 BagResult runBag(const BagOptions& options, const SlamParameters& parameters,
-                 const std::function<void(double)>& progress) {
+                 const std::function<void(double)>& progress,
+                 const std::function<void(const Scan&)>& processed) {
   rosbag::Bag bag(options.bag);
   const auto transforms = readTransforms(bag);
   const auto odometry_poses = options.odom_topic.empty() ? nullptr : readOdometry(bag, options.odom_topic);
@@ -126,11 +127,12 @@ BagResult runBag(const BagOptions& options, const SlamParameters& parameters,
       const Scan scan = toScan(*message, reading, sensor, parameters.scan);
       for (const auto& [what, why] : reading.warnings) result.warnings[what].add(why);
       const auto start = std::chrono::steady_clock::now();
-      const SlamResult processed = slam.process(scan, odometry);
+      const SlamResult slam_result = slam.process(scan, odometry);
       const std::chrono::duration<double> time = std::chrono::steady_clock::now() - start;
-      if (processed.time_jumped_back) key_poses.breakChain();
-      if (const auto edge = key_poses.add(scan.stamp, processed)) result.edges.push_back(*edge);
-      result.entries.push_back({scan.stamp, processed, time.count()});
+      if (slam_result.time_jumped_back) key_poses.breakChain();
+      if (const auto edge = key_poses.add(scan.stamp, slam_result)) result.edges.push_back(*edge);
+      result.entries.push_back({scan.stamp, slam_result, time.count()});
+      if (processed) processed(scan);
     } catch (const tf2::TransformException& e) {
       result.dropped["no transform"].add(e.what());
     } catch (const std::invalid_argument& e) {

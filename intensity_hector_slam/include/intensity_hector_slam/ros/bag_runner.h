@@ -46,8 +46,10 @@ struct BagResult {
 /// SLAM over a recording, as fast as it goes. The same recording and parameters give the same result, but for
 /// the times.
 /// @param progress is told the share that is done, 0 to 1
+/// @param processed is told each scan that becomes one of the entries
 /// @throws std::runtime_error, rosbag::BagException, that say what can't be read
 BagResult runBag(const BagOptions& options, const SlamParameters& parameters,
-                 const std::function<void(double)>& progress = {});
+                 const std::function<void(double)>& progress = {},
+                 const std::function<void(const Scan&)>& processed = {});
 
 }  // namespace intensity_hector_slam

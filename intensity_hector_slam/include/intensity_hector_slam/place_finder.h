@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <string>
+
+#include "intensity_hector_slam/multi_map.h"
+#include "intensity_hector_slam/scan_matcher.h"
+#include "intensity_hector_slam/scan_search.h"
+
+namespace intensity_hector_slam {
+
+/// Where a scan was taken, without a first guess.
+struct Place {
+  Pose pose = Pose::Zero();                              ///< map frame
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< of x, y, theta: m^2, m rad, rad^2
+  double score = 0.0;  ///< of ScanSearch, less the share of beams that cross what is occupied
+  double rival = 0.0;  ///< the same of the best place apart from it; 0: none comes near
+  bool sure = false;
+  std::string why;  ///< it isn't sure
+};
+
+/// Finds places in a map: by a search for the best poses, which are then matched and compared. A place is
+/// sure where nothing crosses what its beams saw, and no other place fits about as well.
+class PlaceFinder {
+ public:
+  explicit PlaceFinder(const SearchOptions& options = {}, const MatcherOptions& matcher = {});
+
+  /// @param map the same one is prepared only once for each of its MultiMap::updates; see `forget`
+  Place find(const MultiMap& map, const Scan& scan, const SearchRegion& region = {});
+  /// To be called where the next map is another one.
+  void forget() { search_.reset(); }
+
+ private:
+  SearchOptions options_;
+  ScanMatcher matcher_;
+  bool reflectivity_;
+  std::optional<ScanSearch> search_;
+  std::size_t updates_ = 0;  // of the map that `search_` is of
+};
+
+}  // namespace intensity_hector_slam

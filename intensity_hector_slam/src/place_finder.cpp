@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "intensity_hector_slam/place_finder.h"
+
+#include <algorithm>
+#include <cmath>
+#include <sstream>
+#include <vector>
+
+#include "cost.h"
+
+namespace intensity_hector_slam {
+namespace {
+
+constexpr int kCandidates = 4;
+constexpr double kLeastShare = 0.8;  // of the best score: on the grid it may differ by as much
+constexpr double kReachDistance = 0.3, kReachAngle = 0.15;  // m, rad: of a match, from the grid
+
+bool isNear(const Pose& a, const Pose& b, double distance, double angle) {
+  return (a - b).head<2>().norm() <= distance && std::abs(wrapAngle(a.z() - b.z())) <= angle;
+}
+
+// The coarsest level that is fine enough.
+const GridMap& levelFor(const MultiMap& map, double cell) {
+  int level = 0;
+  while (level + 1 < map.levels() && map.level(level + 1).resolution() <= 1.01 * cell) ++level;
+  return map.level(level);
+}
+
+struct Candidate {
+  Pose pose;
+  Match match;
+  double score, crossing;
+};
+
+}  // namespace
+
+PlaceFinder::PlaceFinder(const SearchOptions& options, const MatcherOptions& matcher)
+    : options_(mapping_common::validate(options)),
+      matcher_(matcher),
+      reflectivity_(makeCost(matcher.cost, matcher)->uses(Channel::kReflectivity)) {}
+
+Place PlaceFinder::find(const MultiMap& map, const Scan& scan, const SearchRegion& region) {
+  if (!search_ || updates_ != map.updates()) {
+    search_.emplace(levelFor(map, options_.cell), options_, reflectivity_);
+    updates_ = map.updates();
+  }
+  Place place;
+  std::vector<Candidate> candidates;
+  for (const ScanSearch::Optimum& optimum : search_->optima(scan, region, kLeastShare, kCandidates)) {
+    Candidate candidate{optimum.pose, matcher_.match(map, scan, optimum.pose), 0.0, 0.0};
+    if (isNear(candidate.match.pose, optimum.pose, kReachDistance, kReachAngle))
+      candidate.pose = candidate.match.pose;
+    candidate.crossing = search_->crossing(scan, candidate.pose);
+    candidate.score = search_->score(scan, candidate.pose) - candidate.crossing;
+    candidates.push_back(candidate);
+  }
+  if (candidates.empty()) {
+    place.why = "nothing in the map is like it";
+    return place;
+  }
+  const auto best = std::max_element(candidates.begin(), candidates.end(),
+                                     [](const auto& a, const auto& b) { return a.score < b.score; });
+  place.pose = best->pose;
+  place.covariance = best->match.covariance;
+  place.score = best->score;
+  for (const Candidate& other : candidates) {
+    if (isNear(other.pose, best->pose, options_.apart_distance, options_.apart_angle)) continue;
+    place.rival = std::max(place.rival, other.score);
+  }
+  std::ostringstream why;
+  if (best->score < options_.min_score) {
+    why << "the best place fits by " << best->score << " only";
+  } else if (best->crossing > options_.max_crossing) {
+    why << 100.0 * best->crossing << " % of the beams cross what is occupied";
+  } else if (best->score - place.rival < options_.min_lead) {
+    why << "two places fit about as well, by " << best->score << " and " << place.rival;
+  } else if (best->match.observable < 3 || best->pose != best->match.pose) {
+    why << "the scan doesn't tell the whole pose";
+  }
+  place.why = why.str();
+  place.sure = place.why.empty();
+  return place;
+}
+
+}  // namespace intensity_hector_slam
