@@ -15,6 +15,9 @@ constexpr int kCandidates = 4;
 constexpr double kLeastShare = 0.8;  // of the best score: on the grid it may differ by as much
 constexpr double kReachDistance = 0.3, kReachAngle = 0.15;  // m, rad: of a match, from the grid
 
+// Reflectivities of calibrated scans are within a few percent of those that the map has around.
+constexpr double kMaxDifference = 0.03;
+
 bool isNear(const Pose& a, const Pose& b, double distance, double angle) {
   return (a - b).head<2>().norm() <= distance && std::abs(wrapAngle(a.z() - b.z())) <= angle;
 }
@@ -29,7 +32,7 @@ const GridMap& levelFor(const MultiMap& map, double cell) {
 struct Candidate {
   Pose pose;
   Match match;
-  double score, crossing;
+  double score, crossing, difference;
 };
 
 }  // namespace
@@ -39,18 +42,28 @@ PlaceFinder::PlaceFinder(const SearchOptions& options, const MatcherOptions& mat
       matcher_(matcher),
       reflectivity_(makeCost(matcher.cost, matcher)->uses(Channel::kReflectivity)) {}
 
+void PlaceFinder::prepare(const MultiMap& map) {
+  if (search_ && updates_ == map.updates()) return;
+  search_.emplace(levelFor(map, options_.cell), options_, reflectivity_);
+  updates_ = map.updates();
+}
+
+bool PlaceFinder::fits(const MultiMap& map, const Scan& scan, const Pose& pose) {
+  prepare(map);
+  return search_->score(scan, pose) >= options_.min_score &&
+         search_->difference(scan, pose) <= kMaxDifference;
+}
+
 Place PlaceFinder::find(const MultiMap& map, const Scan& scan, const SearchRegion& region) {
-  if (!search_ || updates_ != map.updates()) {
-    search_.emplace(levelFor(map, options_.cell), options_, reflectivity_);
-    updates_ = map.updates();
-  }
+  prepare(map);
   Place place;
   std::vector<Candidate> candidates;
   for (const ScanSearch::Optimum& optimum : search_->optima(scan, region, kLeastShare, kCandidates)) {
-    Candidate candidate{optimum.pose, matcher_.match(map, scan, optimum.pose), 0.0, 0.0};
+    Candidate candidate{optimum.pose, matcher_.match(map, scan, optimum.pose), 0.0, 0.0, 0.0};
     if (isNear(candidate.match.pose, optimum.pose, kReachDistance, kReachAngle))
       candidate.pose = candidate.match.pose;
     candidate.crossing = search_->crossing(scan, candidate.pose);
+    candidate.difference = search_->difference(scan, candidate.pose);
     candidate.score = search_->score(scan, candidate.pose) - candidate.crossing;
     candidates.push_back(candidate);
   }
@@ -72,6 +85,8 @@ Place PlaceFinder::find(const MultiMap& map, const Scan& scan, const SearchRegio
     why << "the best place fits by " << best->score << " only";
   } else if (best->crossing > options_.max_crossing) {
     why << 100.0 * best->crossing << " % of the beams cross what is occupied";
+  } else if (best->difference > kMaxDifference) {
+    why << "reflectivities differ from the map's by " << best->difference << " on the average";
   } else if (best->score - place.rival < options_.min_lead) {
     why << "two places fit about as well, by " << best->score << " and " << place.rival;
   } else if (best->match.observable < 3 || best->pose != best->match.pose) {

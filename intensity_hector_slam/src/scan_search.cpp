@@ -274,16 +274,35 @@ ScanSearch::Optimum ScanSearch::bestOfAll(const Scan& scan, const SearchRegion& 
   return best;
 }
 
+const ScanSearch::Bound& ScanSearch::endOf(const Eigen::Isometry2d& to_map,
+                                           const Eigen::Vector2f& point) const {
+  const Eigen::Array2d end = (to_map * point.cast<double>() - origin_).array() / cell_;
+  const Eigen::Array2i cell = end.floor().max(-1e8).min(1e8).cast<int>();
+  return at(0, cell.x(), cell.y());
+}
+
 double ScanSearch::score(const Scan& scan, const Pose& pose) const {
   const Eigen::Isometry2d to_map = isometry(pose);
   std::int64_t sum = 0;
   for (std::size_t i = 0; i < scan.points.size(); ++i) {
-    const Eigen::Array2d at = (to_map * scan.points[i].cast<double>() - origin_).array() / cell_;
-    const Eigen::Array2i end = at.floor().max(-1e8).min(1e8).cast<int>();
-    sum += pointScore(this->at(0, end.x(), end.y()),
+    sum += pointScore(endOf(to_map, scan.points[i]),
                       scan.reflectivities.empty() ? kUnknown : quantized(scan.reflectivities[i]));
   }
   return scan.points.empty() ? 0.0 : sum / (static_cast<double>(kFull) * scan.points.size());
+}
+
+double ScanSearch::difference(const Scan& scan, const Pose& pose) const {
+  const Eigen::Isometry2d to_map = isometry(pose);
+  double sum = 0.0;
+  std::size_t known = 0;
+  for (std::size_t i = 0; i < scan.reflectivities.size(); ++i) {
+    const Bound& there = endOf(to_map, scan.points[i]);
+    const int here = quantized(scan.reflectivities[i]);
+    if (there.occupied == 0 || here == kUnknown) continue;
+    sum += std::max({0, there.least - here, here - there.most}) / 255.0;
+    ++known;
+  }
+  return known > 0 ? sum / known : 0.0;
 }
 
 double ScanSearch::crossing(const Scan& scan, const Pose& pose) const {

@@ -7,6 +7,11 @@
 #include <utility>
 
 namespace intensity_hector_slam {
+namespace {
+
+constexpr double kPlaceSearchPeriod = 0.5;  // s
+
+}  // namespace
 
 std::string toString(Status status) {
   switch (status) {
@@ -27,11 +32,15 @@ std::string toString(Status status) {
 }
 
 Slam::Slam(const SlamOptions& options)
-    : options_(mapping_common::validate(options)), map_(options.map), matcher_(options.matcher) {}
+    : options_(mapping_common::validate(options)),
+      map_(options.map),
+      matcher_(options.matcher),
+      finder_(options.place, options.matcher) {}
 
 void Slam::setOptions(const SlamOptions& options) {
   mapping_common::validate(options);
   matcher_ = ScanMatcher(options.matcher);
+  finder_ = PlaceFinder(options.place, options.matcher);
   const MapOptions map = options_.map;
   options_ = options;
   options_.map = map;
@@ -48,11 +57,25 @@ void Slam::setPose(const Pose& pose) {
   last_odometry_.reset();
   last_update_.reset();
   first_.reset();
+  lost_ = false;
+  doubted_since_.reset();
+  last_place_search_.reset();
+}
+
+void Slam::setLost() {
+  setPose(pose_);
+  lost_ = true;
+}
+
+Place Slam::findPlace(const Scan& scan, const SearchRegion& region) {
+  check(scan);
+  return finder_.find(map_, scan, region);
 }
 
 void Slam::reset(const Pose& pose) {
   check(pose);
   map_ = MultiMap(options_.map);
+  finder_.forget();
   setPose(pose);
 }
 
@@ -60,6 +83,7 @@ void Slam::setMap(MultiMap map, const Pose& pose) {
   check(pose);
   map_ = std::move(map);
   options_.map = map_.options();
+  finder_.forget();
   setPose(pose);
 }
 
@@ -88,9 +112,11 @@ SlamResult Slam::process(const Scan& scan, const std::optional<Pose>& odometry) 
   check(scan);
   if (odometry) check(*odometry);
   SlamResult result;
+  const bool empty = static_cast<int>(scan.points.size()) < options_.min_points;
+  if (!empty) relocalize(scan, odometry.has_value(), result);
   predict(scan, odometry, result);
-  if (static_cast<int>(scan.points.size()) < options_.min_points) {
-    result.status = Status::kEmpty;
+  if (empty || lost_) {
+    result.status = empty ? Status::kEmpty : Status::kRejected;
     result.pose = result.guess;
     result.covariance = unknownCovariance();
   } else {
@@ -105,6 +131,12 @@ SlamResult Slam::process(const Scan& scan, const std::optional<Pose>& odometry) 
       follow(scan, unsure, result);
     }
   }
+  // A pose that is wrong may fit halfway. While mapping, what is new does, too.
+  const bool doubted =
+      result.status == Status::kRejected ||
+      (options_.localization && options_.relocalize && !empty && !finder_.fits(map_, scan, result.pose));
+  if (!doubted && !empty) doubted_since_.reset();
+  if (doubted && !doubted_since_) doubted_since_ = scan.stamp;
   if (result.status != Status::kStarted) first_.reset();
   pose_ = result.pose;
   last_stamp_ = scan.stamp;
@@ -129,6 +161,30 @@ SlamResult Slam::insert(const Scan& scan, const Pose& pose) {
   }
   result.pose = result.guess = pose;
   return result;
+}
+
+// Where the body may be, if the first guess doesn't tell.
+std::optional<SearchRegion> Slam::lostIn(double stamp, bool odometry) const {
+  if (lost_) return SearchRegion();
+  if (!options_.relocalize || map_.updates() == 0) return {};
+  if (doubted_since_ && stamp - *doubted_since_ > options_.max_gap) return SearchRegion();
+  if (odometry || !last_match_ || stamp - *last_match_ <= options_.max_gap) return {};
+  const double gap = stamp - *last_match_;
+  return SearchRegion::around(matched_pose_, options_.max_speed * gap, options_.max_turn_rate * gap);
+}
+
+void Slam::relocalize(const Scan& scan, bool odometry, SlamResult& result) {
+  const std::optional<SearchRegion> region = lostIn(scan.stamp, odometry);
+  if (!region) return;
+  // Not for each scan: it takes much longer than a match.
+  if (last_place_search_ && std::abs(scan.stamp - *last_place_search_) < kPlaceSearchPeriod) return;
+  result.place = finder_.find(map_, scan, *region);
+  if (result.place->sure) {
+    const std::optional<double> before = last_stamp_;
+    setPose(result.place->pose);
+    last_stamp_ = before;
+  }
+  last_place_search_ = scan.stamp;
 }
 
 // The first guess.

@@ -408,5 +408,63 @@ TEST(Slam, RefusesScansThatAreNone) {
   EXPECT_EQ(0u, slam.map().updates());
 }
 
+// A blind stretch, in which the body turns by most of a turn.
+TEST(Places, AreFoundAgainAfterABlindStretch) {
+  Slam slam;
+  drive(slam, 0.0, 5.0);
+  for (double time = 5.0; time < 14.0; time += kPeriod) {
+    Scan nothing;
+    nothing.stamp = 100.0 + time;
+    EXPECT_EQ(Status::kEmpty, slam.process(nothing).status);
+  }
+  const SlamResult result = slam.process(scanAt(14.0));
+  ASSERT_TRUE(result.place && result.place->sure) << (result.place ? result.place->why : "");
+  EXPECT_EQ(Status::kMatched, result.status);
+  EXPECT_LT(errorOf(result.pose, 14.0), 0.03);
+  EXPECT_LT(drive(slam, 14.05, 17.0), 0.03);
+}
+
+TEST(Places, AreFoundByABodyThatWasPutElsewhere) {
+  SlamOptions options;
+  Slam slam(options);
+  drive(slam, 0.0, 15.0);
+  options.localization = true;
+  slam.setOptions(options);
+  slam.setPose({-2.0, 2.0, 2.5});
+  double time = 15.0;
+  while (errorOf(slam.process(scanAt(time)).pose, time) > 0.03 && time < 18.0) time += kPeriod;
+  EXPECT_LT(drive(slam, time + kPeriod, 20.0), 0.03);
+
+  slam.setLost();  // nobody knows where
+  const SlamResult result = slam.process(scanAt(20.0));
+  ASSERT_TRUE(result.place && result.place->sure);
+  EXPECT_LT(errorOf(result.pose, 20.0), 0.03);
+}
+
+// A plain rectangle is the same after half a turn.
+TEST(Places, ThatLookAlikeAreNotSure) {
+  const std::vector<Wall> walls = box({-4.25, -2.75}, {4.25, 2.75});
+  Scanner scanner = noisy();
+  scanner.angle_min = -M_PI;
+  scanner.angle_max = M_PI;
+  for (const std::string cost : {"occupancy", "combined"}) {
+    SlamOptions options;
+    options.matcher.cost = cost;
+    Slam slam(options);
+    for (int i = 0; i < 20; ++i) {
+      Scan scan = look(walls, {0.05 * i, 0.5, 0.1}, scanner, i);
+      scan.stamp = 100.0 + 0.1 * i;
+      slam.process(scan);
+    }
+    slam.setLost();
+    Scan scan = look(walls, {1.0, 0.5, 0.3}, scanner, 50);
+    scan.stamp = 103.0;
+    const SlamResult result = slam.process(scan);
+    ASSERT_TRUE(result.place);
+    EXPECT_EQ(cost == "combined", result.place->sure) << cost << ": " << result.place->why;
+    EXPECT_EQ(cost == "combined" ? Status::kMatched : Status::kRejected, result.status) << cost;
+  }
+}
+
 }  // namespace
 }  // namespace intensity_hector_slam

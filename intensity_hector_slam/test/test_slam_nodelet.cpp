@@ -227,6 +227,38 @@ TEST_F(SlamNodeletTest, BadScansAreCountedAndChangeNothing) {
   EXPECT_LT(errorAt(9), 0.03);
 }
 
+TEST_F(SlamNodeletTest, FindsItsPlaceInAMap) {
+  const mapping_common::TempDir dir;
+  ASSERT_TRUE(load());
+  ASSERT_TRUE(drive(0, 40));
+  const Pose room = roomInMap();
+  mapping_msgs::SaveMap save;
+  save.request.path = dir.path("room.map");
+  ASSERT_TRUE(call(name_ + "/save_map", save));
+  ASSERT_TRUE(save.response.success) << save.response.message;
+  unload();
+  setParam("map_file", dir.path("room.map"));
+  setParam("localization", true);
+  setParam("relocalize_at_start", true);
+  poses_.clear();
+  ASSERT_TRUE(load());
+  const int next = driveUntil(60, 3);
+  ASSERT_GE(poses_.size(), 3u);
+  const auto errorOf = [&](const geometry_msgs::PoseStamped& pose) {
+    const double time = (pose.header.stamp - ros::Time(kBagStart)).toSec();
+    return (toPose(pose.pose) - compose(room, bagPoseAt(time))).head<2>().norm();
+  };
+  for (const auto& pose : poses_) EXPECT_LT(errorOf(pose), 0.05);
+
+  std_srvs::Trigger relocalize;
+  ASSERT_TRUE(call(name_ + "/relocalize", relocalize));
+  EXPECT_TRUE(relocalize.response.success) << relocalize.response.message;
+  EXPECT_NE(std::string::npos, relocalize.response.message.find("the pose is"))
+      << relocalize.response.message;
+  ASSERT_TRUE(drive(next, next + 5));
+  EXPECT_LT(errorOf(poses_.back()), 0.05);
+}
+
 TEST_F(SlamNodeletTest, ScansThatArentAsTheySayAreUsedAndReported) {
   ASSERT_TRUE(load());
   ASSERT_TRUE(drive(0, 5));

@@ -285,6 +285,7 @@ struct SlamOptions {
   double max_speed = 5.0, max_turn_rate = 10.0;
   double max_acceleration = 5.0, max_angular_acceleration = 15.0;
   double max_gap = 1.0;
+  bool relocalize = true;
   SearchOptions place;
 
   void describe(mapping_common::OptionList& o) {
@@ -323,6 +324,14 @@ struct SlamOptions {
         .atLeast(0.001);
     o("max_angular_acceleration", max_angular_acceleration, "rad/s^2", "the same").atLeast(0.001);
     o("max_gap", max_gap, "s", "between scans; longer is a pause, over which no velocity holds").atLeast(0.0);
+    o.section("places");
+    o("relocalize", relocalize, "",
+      "true: after more than max_gap without a match, blind and without odometry, or rejected, the scan is "
+      "sought "
+      "where the body may be by max_speed and max_turn_rate, at last in all of the map. Only a place that is "
+      "sure "
+      "is gone on from")
+        .dynamic();
     place.describe(o);
   }
 };

@@ -29,10 +29,14 @@ class PlaceFinder {
 
   /// @param map the same one is prepared only once for each of its MultiMap::updates; see `forget`
   Place find(const MultiMap& map, const Scan& scan, const SearchRegion& region = {});
+  /// Whether a scan at a pose looks like a place that could be sure, by its points alone.
+  bool fits(const MultiMap& map, const Scan& scan, const Pose& pose);
   /// To be called where the next map is another one.
   void forget() { search_.reset(); }
 
  private:
+  void prepare(const MultiMap& map);
+
   SearchOptions options_;
   ScanMatcher matcher_;
   bool reflectivity_;

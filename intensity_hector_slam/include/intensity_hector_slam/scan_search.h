@@ -49,6 +49,8 @@ class ScanSearch {
 
   /// The score of a pose, from all points.
   double score(const Scan& scan, const Pose& pose) const;
+  /// Mean difference of the points' reflectivities from those of the map around; 0 where none is known.
+  double difference(const Scan& scan, const Pose& pose) const;
   /// Share of the beams that cross something occupied, two cells or more before their end.
   double crossing(const Scan& scan, const Pose& pose) const;
 
@@ -77,6 +79,7 @@ class ScanSearch {
                Optimum& best) const;
   std::vector<Eigen::Vector2f> thinned(const Scan& scan, std::vector<int>& reflectivities) const;
   bool isApart(const Pose& pose, const std::vector<Optimum>& found) const;
+  const Bound& endOf(const Eigen::Isometry2d& to_map, const Eigen::Vector2f& point) const;
   std::int32_t pointScore(const Bound& bound, int reflectivity) const;
 
   SearchOptions options_;

@@ -4,6 +4,7 @@
 #include <optional>
 #include <string>
 
+#include "intensity_hector_slam/place_finder.h"
 #include "intensity_hector_slam/scan_matcher.h"
 
 namespace intensity_hector_slam {
@@ -29,6 +30,7 @@ struct SlamResult {
   bool map_updated = false;
   bool odometry_jumped = false;  ///< faster than the body can move, and the map denies it: it isn't the guess
   bool time_jumped_back = false;  ///< by more than SlamOptions::max_gap: no velocity holds
+  std::optional<Place> place;     ///< a search for it, see SlamOptions::relocalize
   double gap = 0.0;               ///< s, a pause before this scan longer than SlamOptions::max_gap, else 0
 };
 
@@ -59,6 +61,10 @@ class Slam {
 
   /// Puts the body elsewhere in the map.
   void setPose(const Pose& pose);
+  /// Nobody knows where the body is: until a scan's place is sure, scans are rejected.
+  void setLost();
+  /// Where a scan was taken in the map; nothing changes.
+  Place findPlace(const Scan& scan, const SearchRegion& region = {});
   /// Forgets all of the map and starts again at a pose.
   void reset(const Pose& pose = Pose::Zero());
   /// Goes on in another map, from a pose. Its options replace those of the map.
@@ -67,6 +73,8 @@ class Slam {
  private:
   static void check(const Scan& scan);
   static void check(const Pose& pose);
+  std::optional<SearchRegion> lostIn(double stamp, bool odometry) const;
+  void relocalize(const Scan& scan, bool odometry, SlamResult& result);
   void predict(const Scan& scan, const std::optional<Pose>& odometry, SlamResult& result);
   bool hasJumped(const Scan& scan, const Pose& motion, const Pose& steady, double elapsed);
   bool isUnsure(double stamp, bool odometry, const SlamResult& result) const;
@@ -86,6 +94,9 @@ class Slam {
   SlamOptions options_;
   MultiMap map_;
   ScanMatcher matcher_;
+  PlaceFinder finder_;
+  bool lost_ = false;  // until a place is sure
+  std::optional<double> doubted_since_, last_place_search_;
   Scan deskewed_;
 
   Pose pose_ = Pose::Zero();                            // at the last stamp

@@ -59,6 +59,7 @@ class SlamNodelet : public mapping_common::Nodelet {
 
   void initialPose(const geometry_msgs::PoseWithCovarianceStamped& message);
   void systemCommand(const std_msgs::String& message);
+  static std::string describe(const Place& place);
   std::string load(const std::string& path);
   void reset(const Pose& pose);
 
@@ -72,6 +73,7 @@ class SlamNodelet : public mapping_common::Nodelet {
   std::unique_ptr<SlamPublisher> publisher_;
   bool paused_ = false, asks_for_body_ = false, has_odometry_ = true;
   SlamResult last_;
+  std::optional<Scan> last_scan_;  // that isn't empty
   ros::Time last_stamp_;
 
   std::unique_ptr<Arrivals> arrivals_;
@@ -105,6 +107,7 @@ void SlamNodelet::start(mapping_common::Parameters& reader) {
   slam_ = std::make_unique<Slam>(parameters_.slam);
   slam_->setPose(parameters_.start);
   if (!parameters_.map_file.empty()) NODELET_INFO_STREAM(load(parameters_.map_file));
+  if (parameters_.relocalize_at_start) slam_->setLost();
   publisher_ = std::make_unique<SlamPublisher>(node, parameters_);
 
   map_timer_ =
@@ -131,6 +134,14 @@ void SlamNodelet::offerServices() {
     paused_ = request.data;
     response.success = true;
     response.message = paused_ ? "paused" : "going on";
+  });
+  serve<std_srvs::Trigger>(getPrivateNodeHandle(), "relocalize", [this](auto&, auto& response) {
+    const Place place = last_scan_ ? slam_->findPlace(*last_scan_) : Place();
+    response.success = place.sure;
+    response.message = last_scan_ ? describe(place) : "no scan came yet";
+    if (!place.sure) return;
+    slam_->setPose(place.pose);
+    publisher_->restart();
   });
   serveFile<mapping_msgs::SaveMap>("save_map", [this](const std::string& path) {
     mapping_common::requireOwnEnding(path);
@@ -205,6 +216,7 @@ void SlamNodelet::process(const sensor_msgs::LaserScan& message, const Arrivals:
   mapping_common::LaserReading reading = laser_scans_.read(message);
   const Scan scan = toScan(message, reading, transforms.message, parameters_.scan);
   for (const auto& [what, why] : reading.warnings) faults_->add(what, why);
+  if (static_cast<int>(scan.points.size()) >= parameters_.slam.min_points) last_scan_ = scan;
   std::optional<Pose> body;
   if (transforms.other) body = toPose(*transforms.other);
   if (parameters_.map_with_known_poses) {
@@ -230,6 +242,12 @@ void SlamNodelet::report(const sensor_msgs::LaserScan& message, double time) {
   if (parameters_.output_timing) {
     NODELET_INFO_STREAM("Scan of " << message.header.stamp << ": " << toString(last_.status) << ", "
                                    << 1e3 * time << " ms");
+  }
+  if (last_.place && last_.place->sure) {
+    publisher_->restart();
+    NODELET_WARN_STREAM("Lost, and found again: " << describe(*last_.place));
+  } else if (last_.place) {
+    NODELET_WARN_STREAM_THROTTLE(5.0, "Lost: " << describe(*last_.place));
   }
   if (last_.gap > 0.0) NODELET_WARN_STREAM("A pause of " << last_.gap << " s before this scan");
   if (last_.status == Status::kEmpty) {
@@ -291,6 +309,17 @@ void SlamNodelet::initialPose(const geometry_msgs::PoseWithCovarianceStamped& me
 
 void SlamNodelet::systemCommand(const std_msgs::String& message) {
   if (message.data == "reset") reset(parameters_.start);
+}
+
+std::string SlamNodelet::describe(const Place& place) {
+  std::ostringstream text;
+  text << (place.sure ? "the pose is " : "no place is sure, ");
+  if (place.sure) {
+    text << place.pose.transpose() << ", which fits by " << place.score << ", any other by " << place.rival;
+  } else {
+    text << place.why;
+  }
+  return text.str();
 }
 
 std::string SlamNodelet::load(const std::string& path) {

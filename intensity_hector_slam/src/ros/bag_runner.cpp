@@ -92,6 +92,7 @@ BagResult runBag(const BagOptions& options, const SlamParameters& parameters,
   slam.setPose(parameters.start);
   if (!parameters.map_file.empty()) {
     slam.setMap(MultiMap::load(parameters.map_file, parameters.slam.map), parameters.start);
+    if (parameters.relocalize_at_start) slam.setLost();
   }
   KeyPoses key_poses(parameters.key_pose_distance, parameters.key_pose_angle);
   mapping_common::LaserScans scans;

@@ -42,6 +42,10 @@ void SlamParameters::describe(mapping_common::OptionList& o) {
   scan.describe(o);
   o.section("output");
   o("map_file", map_file, "", "path of a map to go on with; its resolution and levels replace those above");
+  o("relocalize_at_start", relocalize_at_start, "",
+    "true: where the body is in map_file at the start is sought in all of it, and scans are rejected until a "
+    "place is "
+    "sure; false: it is at start/x, start/y, start/yaw");
   o("save_on_shutdown", save_on_shutdown, "", "path that the map is written to at the end. Empty: don't");
   o("pub_map_odom_transform", pub_map_odom_transform, "", "tf map_frame -> odom_frame");
   o("pub_map_scanmatch_transform", pub_map_scanmatch_transform, "",
@@ -66,6 +70,8 @@ void SlamParameters::describe(mapping_common::OptionList& o) {
 void SlamParameters::resolve() {
   if (slam.localization && map_file.empty())
     throw std::invalid_argument("~localization is true, allowed is false without a map_file");
+  if (relocalize_at_start && map_file.empty())
+    throw std::invalid_argument("~relocalize_at_start is true, allowed is false without a map_file");
   for (std::string* frame : {&base_frame, &odom_frame, &map_frame})
     *frame = mapping_common::withoutSlash(*frame);
   if (!use_tf_pose_start_estimate && slam.guess == Guess::kOdometry) slam.guess = Guess::kConstantVelocity;

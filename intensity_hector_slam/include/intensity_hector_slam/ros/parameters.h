@@ -30,6 +30,7 @@ struct SlamParameters {
   double transform_timeout = 0.5;
   double map_pub_period = 2.0;
   std::string map_file, save_on_shutdown;
+  bool relocalize_at_start = false;
 
   void describe(mapping_common::OptionList& o);
 
