@@ -46,7 +46,7 @@ struct OccupancyMap::Insertion {
   /// Updates the block of this slot of the raster. @return whether that changes its cells
   bool update(std::uint32_t slot, WorkingSet::Entry& entry, const RTree& tree, Buffer& buffer) const;
   /// Forgets what has not been seen for a while. @return the blocks that changed
-  std::vector<Block> forget(double time, const RTree& tree);
+  std::vector<Block> forget(double time, RTree& tree, RollingWindow* window);
   /// The marks of a slot, once they are sorted.
   static std::pair<const Mark*, const Mark*> marksOf(std::uint32_t slot, const std::vector<Mark>& marks) {
     const auto less = [](const Mark& a, const Mark& b) { return a.slot < b.slot; };

@@ -7,11 +7,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <iterator>
 #include <stdexcept>
 
+#include "block_store.h"
 #include "insertion.h"
 #include "log_odds.h"
+#include "machine_options.h"
+#include "rolling_window.h"
 #include "rtree_occupancy_map/occupancy_map.h"
 
 namespace rtree_occupancy_map {
@@ -80,17 +84,23 @@ Cell readCell(ArchiveReader& read, const Options& options, const LogOddsModel& m
   return cell;
 }
 
+bool isStore(const std::string& path) {
+  return std::filesystem::path(path).extension() == ".db";
+}
+
 }  // namespace
 
 void OccupancyMap::save(const std::string& path) const {
+  if (isStore(path)) {
+    if (window_ && window_->isIn(path))
+      throw std::runtime_error(path + " is the map's own store, which it is in");
+    return BlockStore::create(path, *this);
+  }
   mapping_common::writeArchive(path, kFormat, [this](ArchiveWriter& write) {
-    Options options = options_;
-    options.threads = Options().threads;  // of the machine, not of the map
-    options.working_set_memory = Options().working_set_memory;
-    options.decay_time = Options().decay_time;
+    Options options = withMachine(options_, Options());
     write(mapping_common::optionsOf(options));
-    write(static_cast<std::uint64_t>(tree().size()));
-    tree().visitAll([&](const Cell& cell) {
+    write(static_cast<std::uint64_t>(size()));
+    visitAll([&](const Cell& cell) {
       write(cell.box);
       write(cell.log_odds);
       if (options_.reflectivity) write(cell.reflectivity);
@@ -100,12 +110,14 @@ void OccupancyMap::save(const std::string& path) const {
 }
 
 OccupancyMap OccupancyMap::load(const std::string& path, const Options& machine) {
+  if (isStore(path)) {
+    WindowOptions window;
+    window.file = path;
+    return openStore(window, machine, false);
+  }
   OccupancyMap map;
   mapping_common::readArchive(path, kFormat, [&](ArchiveReader& read) {
-    Options options = readOptions(read);
-    options.threads = machine.threads;
-    options.working_set_memory = machine.working_set_memory;
-    options.decay_time = options.dynamic && options.prob_miss < options.prior ? machine.decay_time : 0.0;
+    const Options options = withMachine(readOptions(read), machine);
     const auto count = read.next<std::uint64_t>();
     const std::size_t cell_size =
         sizeof(VoxelBox) + sizeof(float) + (options.reflectivity ? sizeof(Reflectivity) : 0);

@@ -14,15 +14,7 @@ constexpr std::ptrdiff_t kBlocksAtOnce = 64;
 }  // namespace
 
 std::vector<Block> knownBlocks(const OccupancyMap& map) {
-  std::vector<Block> blocks;
-  map.tree().visitAll([&blocks](const Cell& cell) {
-    const Block block = OccupancyMap::blockOf({cell.box.min[0], cell.box.min[1], cell.box.min[2]});
-    if (blocks.empty() || blocks.back() != block) blocks.push_back(block);
-    return true;
-  });
-  std::sort(blocks.begin(), blocks.end());
-  blocks.erase(std::unique(blocks.begin(), blocks.end()), blocks.end());
-  return blocks;
+  return map.blocks();
 }
 
 MapSnapshot::MapSnapshot(const OccupancyMap& map, const std::vector<Block>& some)

@@ -48,7 +48,7 @@ class DenseBox {
   /// @return whether the map knows any of it
   bool read(const OccupancyMap& map) {
     bool any = false;
-    map.tree().visitOverlapping(box_, [&](const Cell& cell) {
+    map.visitBox(box_, [&](const Cell& cell) {
       any = true;
       forEach(intersect(cell.box, box_), [&](int x, int y, int z) {
         (*this)(x, y, z) = {cell.log_odds, cell.reflectivity};
@@ -109,21 +109,11 @@ Eigen::AlignedBox3d around(const Eigen::AlignedBox3d& box, const Eigen::Isometry
   return out;
 }
 
-// Blocks with anything known, in the order of their coordinates.
-std::set<Block> blocksOf(const OccupancyMap& map) {
-  std::set<Block> blocks;
-  map.tree().visitAll([&blocks](const Cell& cell) {
-    blocks.insert(OccupancyMap::blockOf({cell.box.min[0], cell.box.min[1], cell.box.min[2]}));
-    return true;
-  });
-  return blocks;
-}
-
 // The new map's blocks that the old one's may reach.
 std::set<Block> reachedBlocks(const OccupancyMap& map, const Eigen::Isometry3d& transform,
                               double resolution) {
   std::set<Block> reached;
-  for (const Block& block : blocksOf(map)) {
+  for (const Block& block : map.blocks()) {
     const VoxelBox box = OccupancyMap::boxOf(block);
     const Eigen::AlignedBox3d there = around({map.minCorner(box), map.maxCorner(box)}, transform);
     const Block min = OccupancyMap::blockOf(voxelOf(there.min(), resolution)),
@@ -149,8 +139,8 @@ void transformInto(const VoxelBox& box, double resolution, const OccupancyMap& m
   const Eigen::Vector3d min = resolution * Eigen::Vector3d(box.min[0], box.min[1], box.min[2]),
                         max = resolution * Eigen::Vector3d(box.max[0], box.max[1], box.max[2]);
   const Eigen::AlignedBox3d there = around({min, max}, transform.inverse());
-  const VoxelBox known = intersect(map.boxOf(there.min(), there.max()), map.tree().bounds());
-  if (known.isEmpty() || map.tree().visitOverlapping(known, [](const Cell&) { return false; })) return;
+  const VoxelBox known = intersect(map.boxOf(there.min(), there.max()), map.bounds());
+  if (known.isEmpty() || map.visitBox(known, [](const Cell&) { return false; })) return;
   DenseBox source(known);
   source.read(map);
   DenseBox target(box);
@@ -199,8 +189,9 @@ OccupancyMap merged(const OccupancyMap& a, const OccupancyMap& b) {
   if (a.options().resolution != b.options().resolution)
     throw std::invalid_argument("maps to be merged need the same resolution");
   const float prior = logOdds(a.options().prior);
-  std::set<Block> blocks = blocksOf(a);
-  for (const Block& block : blocksOf(b)) blocks.insert(block);
+  const std::vector<Block> of_a = a.blocks(), of_b = b.blocks();
+  std::set<Block> blocks(of_a.begin(), of_a.end());
+  blocks.insert(of_b.begin(), of_b.end());
   std::vector<Cell> cells;
   for (const Block& block : blocks) {
     DenseBox into(OccupancyMap::boxOf(block)), other(into.box());

@@ -4,11 +4,14 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 #include <sstream>
 #include <stdexcept>
 
 #include "insertion.h"
 #include "log_odds.h"
+#include "machine_options.h"
+#include "rolling_window.h"
 #include "scan_raster.h"
 
 namespace rtree_occupancy_map {
@@ -44,8 +47,6 @@ OccupancyMap::OccupancyMap(const Options& options)
     : options_(complete(options)), tree_(options_.tree), insertion_(new Insertion(options_)) {}
 
 OccupancyMap::OccupancyMap(OccupancyMap&&) noexcept = default;
-OccupancyMap& OccupancyMap::operator=(OccupancyMap&&) noexcept = default;
-OccupancyMap::~OccupancyMap() = default;
 
 void OccupancyMap::setRange(double min_range, double max_range) {
   Options changed = options_;
@@ -55,12 +56,14 @@ void OccupancyMap::setRange(double min_range, double max_range) {
 }
 
 void OccupancyMap::clear() {
+  if (window_) window_->clear();
   tree_.clear();
   insertion_->working_set.clear();
   insertion_->decay.clear();
 }
 
 const RTree& OccupancyMap::tree() const {
+  if (window_) window_->bringInAll(tree_);
   return treeWithin(VoxelBox::all());
 }
 
@@ -207,10 +210,16 @@ InsertReport OccupancyMap::insertScan(const Scan& scan) {
   InsertReport report;
   rasterize(scan, report);
   Insertion& in = *insertion_;
+  if (window_) {
+    std::vector<Block> touched;
+    for (std::size_t slot = 0; slot < in.raster.size(); ++slot) touched.push_back(in.raster.block(slot));
+    window_->startScan();
+    window_->bringIn(touched, tree_);
+  }
   Insertion::sortBySlot(in.reflectivity);
   Insertion::sortBySlot(in.selected);
   in.working_set.startScan();
-  report.changed_blocks = in.forget(scan.time, tree_);
+  report.changed_blocks = in.forget(scan.time, tree_, window_.get());
 
   std::vector<WorkingSet::Entry*> entries(in.raster.size());
   for (std::size_t slot = 0; slot < entries.size(); ++slot) {
@@ -225,12 +234,20 @@ InsertReport OccupancyMap::insertScan(const Scan& scan) {
   for (std::size_t slot = 0; slot < entries.size(); ++slot) {
     if (!changed[slot]) continue;
     in.working_set.setChanged(*entries[slot]);
+    if (window_) window_->setChanged(entries[slot]->block);
     report.changed_blocks.push_back(entries[slot]->block);
   }
   std::vector<Block>& blocks = report.changed_blocks;
   std::sort(blocks.begin(), blocks.end());
   blocks.erase(std::unique(blocks.begin(), blocks.end()), blocks.end());
   in.working_set.trim(tree_);
+  if (window_) {
+    try {
+      window_->trim(scan.origin.cast<double>(), in.working_set, tree_);
+    } catch (const std::runtime_error& e) {
+      report.window_error = e.what();
+    }
+  }
   return report;
 }
 
@@ -247,11 +264,17 @@ bool OccupancyMap::Insertion::update(std::uint32_t slot, WorkingSet::Entry& entr
   return changed || !returns.empty() || !entry.selected.empty();
 }
 
-std::vector<Block> OccupancyMap::Insertion::forget(double time, const RTree& tree) {
+std::vector<Block> OccupancyMap::Insertion::forget(double time, RTree& tree, RollingWindow* window) {
   std::vector<Block> changed;
   if (!decay.isOn()) return changed;
+  const std::vector<Decay::Due> all_due = decay.advance(time);
+  if (window != nullptr) {
+    std::vector<Block> blocks;
+    for (const Decay::Due& due : all_due) blocks.push_back(due.block);
+    window->bringIn(blocks, tree);
+  }
   DenseBlock& dense = buffers[0]->dense;
-  for (const Decay::Due& due : decay.advance(time)) {
+  for (const Decay::Due& due : all_due) {
     WorkingSet::Entry& entry = working_set.at(due.block);
     if (!entry.loaded) working_set.load(entry, tree, dense);
     bool any = entry.voxels.decay(due.seen.get(), model, dense);
@@ -259,6 +282,7 @@ std::vector<Block> OccupancyMap::Insertion::forget(double time, const RTree& tre
     if (!entry.voxels.anyOccupied(model)) decay.remove(due.block);
     if (!any) continue;
     working_set.setChanged(entry);
+    if (window != nullptr) window->setChanged(due.block);
     changed.push_back(due.block);
   }
   return changed;
@@ -266,27 +290,31 @@ std::vector<Block> OccupancyMap::Insertion::forget(double time, const RTree& tre
 
 void OccupancyMap::startDecay() {
   if (!insertion_->decay.isOn()) return;
-  tree_.visitOccupied([this](const Cell& cell) {
+  const auto add = [this](const Cell& cell) {
     insertion_->decay.add(blockOf({cell.box.min[0], cell.box.min[1], cell.box.min[2]}));
     return true;
-  });
+  };
+  tree_.visitOccupied(add);
+  if (window_) window_->outside().visitOccupied(add);
 }
 
 std::vector<Block> OccupancyMap::clearBox(const Eigen::Vector3d& min, const Eigen::Vector3d& max) {
   const VoxelBox box = boxOf(min, max);
   std::vector<Block> touched, changed;
-  treeWithin(box).visitOverlapping(box, [&](const Cell& cell) {
+  visitBox(box, [&](const Cell& cell) {
     touched.push_back(blockOf({cell.box.min[0], cell.box.min[1], cell.box.min[2]}));
     return true;
   });
   std::sort(touched.begin(), touched.end());
   touched.erase(std::unique(touched.begin(), touched.end()), touched.end());
+  if (window_) window_->bringIn(touched, tree_);
   Insertion& in = *insertion_;
   for (const Block& block : touched) {
     WorkingSet::Entry& entry = in.working_set.at(block);
     if (!entry.loaded) in.working_set.load(entry, tree_, in.buffers[0]->dense);
     if (!entry.voxels.setFree(localBox(intersect(box, boxOf(block)), boxOf(block)))) continue;
     in.working_set.setChanged(entry);
+    if (window_) window_->setChanged(block);
     changed.push_back(block);
   }
   in.working_set.trim(tree_);
@@ -297,12 +325,10 @@ std::vector<Block> OccupancyMap::clearBox(const Eigen::Vector3d& min, const Eige
 
 std::optional<Cell> OccupancyMap::cellAt(const Voxel& voxel) const {
   std::optional<Cell> found;
-  treeWithin(VoxelBox::unit(voxel))
-      .visitIf([&voxel](const VoxelBox& b) { return b.contains(voxel); },
-               [&found](const Cell& cell) {
-                 found = cell;
-                 return false;
-               });
+  visitBox(VoxelBox::unit(voxel), [&found](const Cell& cell) {
+    found = cell;
+    return false;
+  });
   return found;
 }
 
@@ -328,21 +354,63 @@ std::vector<Cell> OccupancyMap::nearestOccupied(const Eigen::Vector3d& point, st
     const Eigen::Vector3d outside = (minCorner(box) - point).cwiseMax(point - maxCorner(box)).cwiseMax(0.0);
     return outside.squaredNorm();
   };
-  tree().visitByDistance(true, squaredDistance, [&](const Cell& cell, double) {
+  treeWithin(VoxelBox::all()).visitByDistance(true, squaredDistance, [&](const Cell& cell, double) {
     nearest.push_back(cell);
     return nearest.size() < k;
+  });
+  if (!window_) return nearest;
+  const auto nearer = [&](const Cell& a, const Cell& b) {
+    return squaredDistance(a.box) < squaredDistance(b.box);
+  };
+  window_->outside().visitByDistance(true, squaredDistance, [&](const Cell& block, double distance) {
+    if (nearest.size() == k && distance >= squaredDistance(nearest.back().box)) return false;
+    const Block at = blockOf(Voxel{block.box.min[0], block.box.min[1], block.box.min[2]});
+    const RollingWindow::Cells cells = window_->cellsOf(at);
+    std::copy_if(cells->begin(), cells->end(), std::back_inserter(nearest),
+                 [this](const Cell& cell) { return isOccupied(cell); });
+    std::stable_sort(nearest.begin(), nearest.end(), nearer);
+    if (nearest.size() > k) nearest.resize(k);
+    return true;
   });
   return nearest;
 }
 
+bool OccupancyMap::visitOutside(const VoxelBox& box, bool occupied_only,
+                                const std::function<bool(const Cell&)>& visit) const {
+  return window_->visit(box, occupied_only, visit);
+}
+
+std::size_t OccupancyMap::size() const {
+  return treeWithin(VoxelBox::all()).size() + (window_ ? window_->totals().cells : 0);
+}
+
+VoxelBox OccupancyMap::bounds() const {
+  const VoxelBox inside = treeWithin(VoxelBox::all()).bounds();
+  return window_ ? unite(inside, window_->outside().bounds()) : inside;
+}
+
+std::vector<Block> OccupancyMap::blocks() const {
+  std::vector<Block> blocks;
+  treeWithin(VoxelBox::all()).visitAll([&blocks](const Cell& cell) {
+    const Block block = blockOf(Voxel{cell.box.min[0], cell.box.min[1], cell.box.min[2]});
+    if (blocks.empty() || blocks.back() != block) blocks.push_back(block);
+    return true;
+  });
+  if (window_) window_->addBlocks(blocks);
+  std::sort(blocks.begin(), blocks.end());
+  blocks.erase(std::unique(blocks.begin(), blocks.end()), blocks.end());
+  return blocks;
+}
+
 std::size_t OccupancyMap::memoryUsage() const {
-  return tree_.memoryUsage() + insertion_->working_set.memoryUsage() + insertion_->decay.memoryUsage();
+  return tree_.memoryUsage() + insertion_->working_set.memoryUsage() + insertion_->decay.memoryUsage() +
+         (window_ ? window_->memoryUsage() : 0);
 }
 
 Statistics OccupancyMap::statistics() const {
   Statistics s;
   std::int64_t occupied = 0, free = 0;
-  tree().visitAll([&](const Cell& cell) {
+  treeWithin(VoxelBox::all()).visitAll([&](const Cell& cell) {
     const bool is_occupied = isOccupied(cell);
     ++(is_occupied ? s.occupied_cells : s.free_cells);
     (is_occupied ? occupied : free) += cell.box.volume();
@@ -352,10 +420,69 @@ Statistics OccupancyMap::statistics() const {
   s.cells = tree_.size();
   s.occupied_volume = static_cast<double>(occupied) * voxel;
   s.free_volume = static_cast<double>(free) * voxel;
+  if (window_) {
+    const Statistics& outside = window_->totals();
+    s.cells += outside.cells;
+    s.occupied_cells += outside.occupied_cells;
+    s.free_cells += outside.free_cells;
+    s.occupied_volume += outside.occupied_volume;
+    s.free_volume += outside.free_volume;
+  }
   s.nodes = tree_.numNodes();
   s.height = tree_.height();
   s.memory_bytes = memoryUsage();
   return s;
+}
+
+// ---- rolling window -----------------------------------------------------------------------------
+
+OccupancyMap& OccupancyMap::operator=(OccupancyMap&& other) noexcept {
+  if (this == &other) return *this;
+  flushQuietly();
+  options_ = std::move(other.options_);
+  tree_ = std::move(other.tree_);
+  insertion_ = std::move(other.insertion_);
+  window_ = std::move(other.window_);
+  return *this;
+}
+
+OccupancyMap::~OccupancyMap() {
+  flushQuietly();
+}
+
+void OccupancyMap::flushQuietly() noexcept {
+  try {
+    if (insertion_) flush();
+  } catch (const std::exception&) {
+  }
+}
+
+void OccupancyMap::flush() {
+  if (window_) window_->flush(insertion_->working_set, tree_);
+}
+
+OccupancyMap OccupancyMap::openStore(const WindowOptions& window, const Options& machine, bool writes) {
+  using Access = BlockStore::Access;
+  const Options options = withMachine(BlockStore::open(window.file, Access::kRead)->options(), machine);
+  OccupancyMap map(options);
+  map.window_.reset(new RollingWindow(window, options, writes ? Access::kWrite : Access::kRead));
+  map.startDecay();
+  return map;
+}
+
+OccupancyMap OccupancyMap::open(const WindowOptions& window, const Options& machine) {
+  return openStore(window, machine, true);
+}
+
+void OccupancyMap::keepIn(const WindowOptions& window) {
+  mapping_common::validate(window);
+  if (window_ && window_->isIn(window.file))
+    throw std::invalid_argument(window.file + " is the map's store already");
+  BlockStore::create(window.file, *this);
+  std::unique_ptr<RollingWindow> kept(new RollingWindow(window, options_, BlockStore::Access::kWrite));
+  tree_.clear();
+  insertion_->working_set.clear();
+  window_ = std::move(kept);
 }
 
 // ---- conversions --------------------------------------------------------------------------------

@@ -180,6 +180,17 @@ std::size_t RTree::memoryUsage() const {
          free_.capacity() * sizeof(NodeId);
 }
 
+void RTree::shrink() {
+  if (free_.size() <= num_nodes_ + kChunk) return;
+  std::vector<Cell> cells;
+  cells.reserve(num_cells_);
+  visitAll([&cells](const Cell& cell) {
+    cells.push_back(cell);
+    return true;
+  });
+  rebuild(cells);
+}
+
 void RTree::clear() {
   chunks_.clear();
   free_.clear();

@@ -130,13 +130,30 @@ void WorkingSet::trim(RTree& tree) {
     memory -= std::min(memory, sizeof(Entry) - sizeof(BlockVoxels) + entry.voxels.memoryUsage());
   }
   by_use.resize(leaving);
+  letGo(by_use, tree);
+}
+
+void WorkingSet::letGo(const std::vector<Entry*>& entries, RTree& tree) {
   std::vector<Entry*> out_of_date;
-  std::copy_if(by_use.begin(), by_use.end(), std::back_inserter(out_of_date),
+  std::copy_if(entries.begin(), entries.end(), std::back_inserter(out_of_date),
                [](const Entry* e) { return e->changed; });
   writeBack(out_of_date, tree);
   const auto is_current = [](const Entry* e) { return !e->changed; };
   changed_.erase(std::remove_if(changed_.begin(), changed_.end(), is_current), changed_.end());
-  for (const Entry* entry : by_use) entries_.erase(keyOf(entry->block));
+  for (const Entry* entry : entries) entries_.erase(keyOf(entry->block));
+}
+
+void WorkingSet::release(const std::vector<Block>& blocks, RTree& tree) {
+  std::vector<Entry*> entries;
+  for (const Block& block : blocks) {
+    const auto found = entries_.find(keyOf(block));
+    if (found != entries_.end()) entries.push_back(found->second.get());
+  }
+  letGo(entries, tree);
+}
+
+bool WorkingSet::contains(const Block& block) const {
+  return entries_.count(keyOf(block)) > 0;
 }
 
 void WorkingSet::clear() {

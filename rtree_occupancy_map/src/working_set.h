@@ -44,12 +44,16 @@ class WorkingSet {
   void writeBack(const std::function<bool(const VoxelBox&)>& asked_for, RTree& tree);
   /// Blocks that haven't been used for some scans leave the set, then as many more as exceed its memory.
   void trim(RTree& tree);
+  /// These leave the set.
+  void release(const std::vector<Block>& blocks, RTree& tree);
+  bool contains(const Block& block) const;
   void clear();
 
   std::size_t memoryUsage() const;  ///< bytes
 
  private:
   void writeBack(const std::vector<Entry*>& entries, RTree& tree);
+  void letGo(const std::vector<Entry*>& entries, RTree& tree);
   void fuse(Entry& entry, const RTree& tree, BlockGrid& grid, std::vector<Cell>& cells) const;
   // Whether what becomes of a block depends on the cells that the scan before has left there.
   bool dependsOnCells() const {

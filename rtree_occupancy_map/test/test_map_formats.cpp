@@ -15,9 +15,9 @@
 namespace rtree_occupancy_map {
 namespace {
 
+using mapping_common::readFile;
 using mapping_common::errorOf;
 using mapping_common::mentions;
-using mapping_common::readFile;
 using mapping_common::TempDir;
 
 std::map<Voxel, float> known(const OccupancyMap& map) {
@@ -50,7 +50,7 @@ TEST(MapFormats, TheEndingDecides) {
 TEST(MapFormats, AreWrittenAndRead) {
   const TempDir dir;
   const OccupancyMap map = smallMap();
-  for (const char* name : {"a.map", "a", "a.ot"}) {
+  for (const char* name : {"a.map", "a", "a.db", "a.ot"}) {
     EXPECT_TRUE(mentions(writeMap(map, dir.path(name)), {"Wrote ", "cells to", name}));
     EXPECT_EQ(known(map), known(readMap(dir.path(name)))) << name;
   }
@@ -65,7 +65,7 @@ TEST(MapFormats, FilesOfAnotherResolution) {
   const OccupancyMap map = smallMap();
   Options options;
   options.resolution = 0.5;
-  for (const char* name : {"a.map", "a.ot"}) {
+  for (const char* name : {"a.map", "a.db", "a.ot"}) {
     const std::string path = dir.path(name);
     writeMap(map, path);
     EXPECT_EQ(0.25, readMap(path, options, OtherResolution::kAdopt).options().resolution);
@@ -135,6 +135,24 @@ TEST_F(Tool, Converts) {
       << err_;
   EXPECT_TRUE(std::filesystem::exists(dir_.path("b.yaml")));
   EXPECT_TRUE(mentions(out_, {"32 x 32 pixels", " m of "}));
+}
+
+TEST_F(Tool, ReadsAndWritesStores) {
+  const OccupancyMap map = smallMap();
+  map.save(dir_.path("a.map"));
+  ASSERT_EQ(0, run("convert " + dir_.path("a.map") + ' ' + dir_.path("a.db"))) << err_;
+  ASSERT_EQ(0, run("convert " + dir_.path("a.db") + ' ' + dir_.path("b.ot"))) << err_;
+  ASSERT_EQ(0, run("convert " + dir_.path("a.map") + ' ' + dir_.path("a.ot"))) << err_;
+  EXPECT_EQ(readFile(dir_.path("a.ot")), readFile(dir_.path("b.ot")));
+  for (const char* file : {"a.map", "a.db"}) {
+    ASSERT_EQ(0, run("info " + dir_.path(file))) << err_;
+    EXPECT_TRUE(mentions(out_, {"cells: ", "from: ", "resolution: ", "dynamic: true"}));
+    EXPECT_NE(std::string::npos, out_.find("cells: " + std::to_string(map.size()) + ",")) << out_;
+  }
+  EXPECT_EQ(2, run("info"));
+  EXPECT_EQ(2, run("info --transform 0 0 0 0 0 0 " + dir_.path("a.map")));
+  EXPECT_EQ(1, run("info /nowhere/a.db"));
+  EXPECT_TRUE(mentions(err_, {"/nowhere/a.db"}));
 }
 
 TEST_F(Tool, ChangesTheResolution) {

@@ -367,6 +367,48 @@ TEST_F(MappingNodelet, SavesAtTheEndAndStartsWithAMap) {
   EXPECT_EQ(voxelsOf(reference_), voxels());
 }
 
+TEST_F(MappingNodelet, KeepsInAFileWhatIsFar) {
+  const mapping_common::TempDir directory;
+  const std::string store = directory.path("map.db"), copy = directory.path("copy.map");
+  setParam("window/file", store);
+  setParam("window/distance", 0.0);
+  setParam("window/memory", 1000.0);
+  setParam("window_flush_period", 0.2);
+  ASSERT_TRUE(load());
+  buildMap();
+  EXPECT_TRUE(waitFor([&] { return voxelsOf(OccupancyMap::load(store)) == voxelsOf(reference_); }));
+  EXPECT_TRUE(callWithPath<mapping_msgs::SaveMap>("save_map", copy).success);
+  EXPECT_EQ(voxelsOf(reference_), voxelsOf(OccupancyMap::load(copy)));
+  EXPECT_FALSE(callWithPath<mapping_msgs::SaveMap>("save_map", store).success);
+  EXPECT_FALSE(callWithPath<mapping_msgs::LoadMap>("load_map", store).success);
+  EXPECT_EQ(voxelsOf(reference_), voxels());
+  unload();
+  ASSERT_TRUE(waitFor([&] { return voxelsOf(OccupancyMap::load(store)) == voxelsOf(reference_); }));
+
+  // The next run goes on.
+  setParam("window/memory", 0.0);
+  ASSERT_TRUE(load());
+  EXPECT_EQ(voxelsOf(reference_), voxels());
+  sendStaticPose("later", poseOf(1, 1, 0.2));
+  publish(room(7), "later", poseOf(1, 1, 0.2));
+  EXPECT_TRUE(waitForMap(reference_));
+  EXPECT_TRUE(callWithPath<mapping_msgs::LoadMap>("load_map", copy).success);
+  EXPECT_EQ(voxelsOf(OccupancyMap::load(copy)), voxels());
+  std_srvs::Empty reset;
+  ASSERT_TRUE(ros::service::call(name_ + "/reset", reset));
+  EXPECT_TRUE(voxels().empty());
+  unload();
+
+  // It isn't overwritten unasked.
+  setParam("map_file", copy);
+  const std::string why = whyNotLoaded();
+  EXPECT_NE(std::string::npos, why.find("~window/file is '" + store + "', which holds a map already")) << why;
+  setParam("map_file", std::string());
+  setParam("resolution", 0.3);
+  setParam("other_resolution", std::string("refuse"));
+  EXPECT_NE(std::string::npos, whyNotLoaded().find("of 0.2 m"));
+}
+
 TEST_F(MappingNodelet, ClearsABox) {
   ASSERT_TRUE(load());
   buildMap();

@@ -146,7 +146,7 @@ class PythonTest(unittest.TestCase):
         self.assertEqual(len(room), 0)
 
     def test_files(self):
-        for name in ('room.map', 'room.ot'):
+        for name in ('room.map', 'room.ot', 'room.db'):
             self.room.save(self.path(name))
             again = core.OccupancyMap.load(self.path(name))
             points = numpy.random.RandomState(1).uniform(LOW - 0.5, HIGH + 0.5, (2000, 3))
@@ -155,6 +155,18 @@ class PythonTest(unittest.TestCase):
         self.assertGreater(pathlib.Path(self.path('room.pcd')).stat().st_size, 12 * len(self.room.occupied_cells()))
         with self.assertRaisesRegex(RuntimeError, 'nowhere'):
             core.OccupancyMap.load('/nowhere/room.map')
+
+    def test_rolling_window(self):
+        room = map_of_a_room()
+        room.keep_in(self.path('window.db'), distance=0.0, memory=0.0)
+        room.insert_scan(MIDDLE, walls(directions()))
+        room.insert_scan(MIDDLE + 100, MIDDLE + 100 + directions())
+        room.flush()
+        again = core.OccupancyMap.open(self.path('window.db'))
+        points = numpy.random.RandomState(2).uniform(LOW - 0.5, HIGH + 0.5, (2000, 3))
+        numpy.testing.assert_array_equal(room.log_odds_at(points), again.log_odds_at(points))
+        self.assertEqual(len(room), len(again))
+        self.assertGreater(len(room), len(self.room))
 
     def test_shapes_that_will_not_do(self):
         for call in (lambda: self.room.state_at([1.0, 2.0]), lambda: self.room.cell_at(numpy.zeros((4, 3))),

@@ -107,7 +107,7 @@ bool parse(int argc, char** argv, Arguments& a) {
 
 void run(const Arguments& a) {
   OccupancyMap map = makeMap(a.cells);
-  std::printf("%zu cells in %zu blocks, %.0f MiB\n\n", map.tree().size(), knownBlocks(map).size(),
+  std::printf("%zu cells in %zu blocks, %.0f MiB\n\n", map.size(), knownBlocks(map).size(),
               static_cast<double>(map.memoryUsage()) / (1 << 20));
   MarkerCache occupied("map", MarkerCache::Show::kOccupied), free("map", MarkerCache::Show::kFree);
   OccupiedCloud cloud;

@@ -19,15 +19,17 @@ using namespace rtree_occupancy_map;
 namespace {
 
 const char kUsage[] =
-    "Usage: rtree_map convert IN OUT [options]\n"
+    "Usage: rtree_map info FILE\n"
+    "       rtree_map convert IN OUT [options]\n"
     "       rtree_map merge A B [--transform X Y Z ROLL PITCH YAW] OUT [options]\n"
     "\n"
-    "Files by their endings: .map or none (the R-tree map), .bt and .ot (OctoMap); to be written alone, "
-    ".pcd\n"
-    "(points at the occupied voxels), .pgm or .yaml (seen from above, both, for map_server).\n";
+    "Files by their endings: .map or none (the R-tree map), .db (the same as a store, read block by block), "
+    ".bt\n"
+    "and .ot (OctoMap); to be written alone, .pcd (points at the occupied voxels), .pgm or .yaml (seen from\n"
+    "above, both, for map_server).\n";
 
 struct Arguments {
-  std::string in, other, out;  // other: merged with `in`, empty if nothing is
+  std::string in, other, out;  // other: merged with `in`, empty if nothing is; out: empty for info
   Eigen::Isometry3d transform = Eigen::Isometry3d::Identity();
   double resolution = 0.0;  // m; 0: that of `in`
   DisplayOptions projection;
@@ -81,18 +83,37 @@ bool parse(int argc, char** argv, Arguments& a) {
     map.resolution = a.resolution;
     mapping_common::validate(map, "--");
   }
-  const bool merges = files.size() == 4 && files[0] == "merge";
-  if (!merges && (files.size() != 3 || files[0] != "convert" || has_transform))
-    throw po::error("expected is: convert IN OUT, or merge A B OUT");
+  const bool merges = files.size() == 4 && files[0] == "merge",
+             informs = files.size() == 2 && files[0] == "info" && !has_transform;
+  if (!merges && !informs && (files.size() != 3 || files[0] != "convert" || has_transform))
+    throw po::error("expected is: info FILE, convert IN OUT, or merge A B OUT");
   a.in = files[1];
+  if (informs) return true;
   if (merges) a.other = files[2];
   a.out = files.back();
   formatOf(a.out);
   return true;
 }
 
+void inform(const OccupancyMap& map) {
+  const Statistics s = map.statistics();
+  Options options = map.options();
+  std::cout << "cells: " << s.cells << ", occupied " << s.occupied_cells << ", free " << s.free_cells
+            << "\nvolume: occupied " << s.occupied_volume << " m^3, free " << s.free_volume << " m^3\n";
+  if (const VoxelBox box = map.bounds(); !box.isEmpty()) {
+    std::cout << "from: " << map.minCorner(box).transpose() << " m\nto: " << map.maxCorner(box).transpose()
+              << " m\n";
+  }
+  std::cout << "blocks: " << map.blocks().size() << "\nmemory: " << static_cast<double>(s.memory_bytes) * 1e-6
+            << " MB\n";
+  for (const auto& [option, section] : mapping_common::optionsOf(options))
+    std::cout << option.name() << ": " << option.word() << (option.unit().empty() ? "" : " ") << option.unit()
+              << '\n';
+}
+
 void run(const Arguments& a) {
   OccupancyMap map = readMap(a.in);
+  if (a.out.empty()) return inform(map);
   if (a.resolution > 0.0) {
     Options options = map.options();
     options.resolution = a.resolution;

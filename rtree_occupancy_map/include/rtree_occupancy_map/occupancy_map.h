@@ -41,6 +41,7 @@ struct InsertReport {
   std::size_t beyond_range = 0;       ///< points cut at max_range
   std::size_t outside = 0;            ///< points left out: outside of the voxel coordinates
   std::vector<Block> changed_blocks;  ///< whose cells were written anew
+  std::string window_error;           ///< why more than the rolling window stays in memory; mostly empty
 };
 
 enum class VoxelState { kUnknown, kFree, kOccupied };
@@ -65,6 +66,9 @@ struct Statistics {
   std::size_t memory_bytes = 0;  ///< see memoryUsage
 };
 
+class RollingWindow;
+struct WindowOptions;
+
 class OccupancyMap {
  public:
   /// @throws std::invalid_argument that names the option, its value and what is allowed
@@ -81,8 +85,11 @@ class OccupancyMap {
 
   const Options& options() const { return options_; }
   /// All cells. A reference that is kept across an insertion doesn't see what that changes until the next
-  /// call.
+  /// call. With a rolling window all blocks are read into the memory: the visits below don't do that.
   const RTree& tree() const;
+  std::size_t size() const;           ///< cells
+  VoxelBox bounds() const;            ///< tight; VoxelBox::empty() without cells
+  std::vector<Block> blocks() const;  ///< with cells, in the order of their coordinates
 
   /// Changes the range limits of Options for the scans to come (m).
   /// @throws std::invalid_argument that names the option, its value and what is allowed
@@ -109,26 +116,46 @@ class OccupancyMap {
   /// Calls `visit(cell)` for each cell that overlaps the box (m), until it returns false.
   template <class Visit>
   void visitBox(const Eigen::Vector3d& min, const Eigen::Vector3d& max, Visit&& visit) const {
-    const VoxelBox box = boxOf(min, max);
-    treeWithin(box).visitOverlapping(box, visit);
+    visitBox(boxOf(min, max), visit);
+  }
+  /// The same of a box in voxels. @return false if it was stopped
+  template <class Visit>
+  bool visitBox(const VoxelBox& box, Visit&& visit) const {
+    return treeWithin(box).visitOverlapping(box, visit) &&
+           (!window_ || visitOutside(box, false, [&visit](const Cell& cell) { return visit(cell); }));
   }
   template <class Visit>
-  void visitBlock(const Block& block, Visit&& visit) const {
-    const VoxelBox box = boxOf(block);
-    treeWithin(box).visitOverlapping(box, visit);
+  bool visitBlock(const Block& block, Visit&& visit) const {
+    return visitBox(boxOf(block), visit);
+  }
+  template <class Visit>
+  bool visitAll(Visit&& visit) const {
+    return visitBox(VoxelBox::all(), visit);
   }
   /// Calls `visit(i, cell)` for each cell of each block i, until it returns false. All are brought up to date
   /// at once. @param blocks sorted
   template <class Visit>
   void visitBlocks(const std::vector<Block>& blocks, Visit&& visit) const {
     const RTree& tree = treeIn(blocks);
-    for (std::size_t i = 0; i < blocks.size(); ++i)
-      tree.visitOverlapping(boxOf(blocks[i]), [&](const Cell& cell) { return visit(i, cell); });
+    for (std::size_t i = 0; i < blocks.size(); ++i) {
+      const auto visitCell = [&](const Cell& cell) { return visit(i, cell); };
+      if (!tree.visitOverlapping(boxOf(blocks[i]), visitCell)) return;
+      if (window_ && !visitOutside(boxOf(blocks[i]), false, visitCell)) return;
+    }
   }
   /// Calls `visit(cell)` for each occupied cell, until it returns false; free cells are not touched.
   template <class Visit>
-  void visitOccupied(Visit&& visit) const {
-    tree().visitOccupied(visit);
+  bool visitOccupied(Visit&& visit) const {
+    const VoxelBox all = VoxelBox::all();
+    return treeWithin(all).visitOccupied(visit) &&
+           (!window_ || visitOutside(all, true, [&visit](const Cell& cell) { return visit(cell); }));
+  }
+  /// The same for those that overlap a box in voxels.
+  template <class Visit>
+  bool visitOccupied(const VoxelBox& box, Visit&& visit) const {
+    const auto enter = [&box](const VoxelBox& b) { return box.overlaps(b); };
+    return treeWithin(box).visitOccupiedIf(enter, visit) &&
+           (!window_ || visitOutside(box, true, [&visit](const Cell& cell) { return visit(cell); }));
   }
 
   /// Follows a ray. With ignore_unknown it passes through unknown space, otherwise it ends there.
@@ -144,7 +171,8 @@ class OccupancyMap {
   /// Visits all cells.
   Statistics statistics() const;
 
-  /// Bytes of the R-tree and the index beside it, at no cost. The buffers of an insertion are not in it.
+  /// Bytes of the R-tree and what is beside it in memory, at no cost. The buffers of an insertion are not in
+  /// it.
   std::size_t memoryUsage() const;
 
   // ---- conversions ------------------------------------------------------------------------------
@@ -166,26 +194,46 @@ class OccupancyMap {
 
   // ---- files ------------------------------------------------------------------------------------
 
-  /// Writes to a temporary name beside `path` and renames. @throws std::runtime_error with the reason
+  /// Writes to a temporary name beside `path` and renames. A path that ends in .db becomes a store, see
+  /// below, which must not be open. @throws std::runtime_error with the reason
   void save(const std::string& path) const;
   /// @throws std::runtime_error that says what is wrong with the file: foreign, another version, truncated,
-  /// corrupted
+  /// corrupted. Of a store cells are read when they are needed; what changes stays in memory.
   /// @param machine options of which threads, working_set_memory and, where the file's sensor model allows
   /// it, decay_time are taken, which a file doesn't settle
   static OccupancyMap load(const std::string& path, const Options& machine = {});
 
+  // ---- rolling window ---------------------------------------------------------------------------
+  // Blocks that are farther from the last scan's origin than a distance, and those used longest ago beyond a
+  // bound on memory, are in a store, an SQLite file, alone. Scans bring in what they touch; queries, files
+  // and conversions read what they need and see no difference. Where the store can't be read or written
+  // functions throw std::runtime_error and have changed nothing; what an insertion can't write stays in
+  // memory. A program that is killed leaves a store of blocks as they last left the memory or flush() wrote
+  // them. One map at a time may write to a store.
+
+  /// Goes on with the map of a store that there is.
+  static OccupancyMap open(const WindowOptions& window, const Options& machine = {});
+  /// Moves the map to a new store, in place of any of that name.
+  void keepIn(const WindowOptions& window);
+  /// Writes what the store has not got yet, as the destructor does, which says nothing of errors.
+  void flush();
+
  private:
   struct Insertion;
 
+  static OccupancyMap openStore(const WindowOptions& window, const Options& machine, bool writes);
   static OccupancyMap restore(const Options& options, std::vector<Cell> cells);
   // The tree was filled in another way than by scans.
   void startDecay();
   void check(const Scan& scan) const;
+  void flushQuietly() noexcept;
   void rasterize(const Scan& scan, InsertReport& report);
   // The tree with the cells of those blocks up to date that overlap the region, or whose boxes pass
   // asked_for.
   const RTree& treeWithin(const VoxelBox& region) const;
   const RTree& treeIn(const std::vector<Block>& blocks) const;
+  bool visitOutside(const VoxelBox& box, bool occupied_only,
+                    const std::function<bool(const Cell&)>& visit) const;
   const RTree& treeWhere(const std::function<bool(const VoxelBox&)>& asked_for) const;
 
   Options options_;
@@ -193,6 +241,7 @@ class OccupancyMap {
   // date, which is all that const functions change.
   mutable RTree tree_;
   std::unique_ptr<Insertion> insertion_;
+  std::unique_ptr<RollingWindow> window_;  // none: all is in memory
 };
 
 }  // namespace rtree_occupancy_map

@@ -72,7 +72,10 @@ class RTree {
   std::size_t numNodes() const { return num_nodes_; }    ///< nodes of all levels, leaves and root included
   int height() const { return node(root_)->level + 1; }  ///< 1: the root is a leaf
   std::size_t memoryUsage() const;                       ///< bytes
-  VoxelBox bounds() const;                               ///< tight; VoxelBox::empty() without cells
+  std::size_t usedMemory() const { return num_nodes_ * stride_; }  ///< bytes of nodes that aren't spare
+  /// Gives spare nodes back, where they are more than the others.
+  void shrink();
+  VoxelBox bounds() const;  ///< tight; VoxelBox::empty() without cells
 
   /// Depth first over the nodes and cells whose boxes pass `enter(box)`; `visit(cell)` returns false to stop.
   /// @return false if it was stopped

@@ -16,6 +16,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <functional>
 #include <iterator>
 #include <memory>
@@ -130,6 +131,7 @@ class MappingNodelet : public mapping_common::Nodelet {
   void filterGround(const ros::Time& stamp, Scan& scan);
   void warnOfFrame(const std::string& cloud_frame);
 
+  void startWindow();
   std::string load(const std::string& path);
   void reconfigure(const MappingParameters& changed);
   void publish();
@@ -148,13 +150,13 @@ class MappingNodelet : public mapping_common::Nodelet {
   std::vector<BodyBox> robot_body_;
   std::vector<ros::Subscriber> inputs_;
 
-  ros::WallTimer publish_timer_;
+  ros::WallTimer publish_timer_, flush_timer_;
   std::mutex publications_mutex_;
   Publications publications_;
   ros::AsyncSpinner publishing_thread_{1, &publishing_};
 
   mapping_common::Throttle frame_throttle_{60.0}, far_throttle_{60.0}, body_throttle_{60.0},
-      ground_throttle_{60.0};
+      ground_throttle_{60.0}, window_throttle_{10.0};
   Activity activity_;
   InsertReport points_;  // sums over all scans
   std::size_t inserted_ = 0, points_outside_z_ = 0, points_of_body_ = 0, points_of_ground_ = 0;
@@ -163,10 +165,11 @@ class MappingNodelet : public mapping_common::Nodelet {
 MappingNodelet::~MappingNodelet() {
   endCallbacks();
   publishing_thread_.stop();
-  if (save_on_shutdown_.empty()) return;
   try {
-    map_([this](const OccupancyMap& map) {
-      if (map.tree().size() > 0) NODELET_INFO_STREAM(writeMap(map, save_on_shutdown_, parameters_.display));
+    map_([this](OccupancyMap& map) {
+      if (!save_on_shutdown_.empty() && map.size() > 0)
+        NODELET_INFO_STREAM(writeMap(map, save_on_shutdown_, parameters_.display));
+      map.flush();
     });
   } catch (const std::exception& e) {
     NODELET_ERROR_STREAM("The map is lost: " << e.what());
@@ -178,6 +181,7 @@ void MappingNodelet::start(mapping_common::Parameters& reader) {
   formatOf(parameters_.save_on_shutdown);
   robot_body_ = parseRobotBody(parameters_.robot_body);
   map_([this](OccupancyMap& map) { map = OccupancyMap(parameters_.map); });
+  startWindow();
   if (!parameters_.map_file.empty()) NODELET_INFO_STREAM(load(parameters_.map_file));
   guarded_publishing_ = std::make_unique<mapping_common::GuardedQueue>(publishing_, guard());
   ros::NodeHandle publishing_node(getNodeHandle());
@@ -186,6 +190,10 @@ void MappingNodelet::start(mapping_common::Parameters& reader) {
   publish_timer_ = publishing_node.createWallTimer(
       ros::WallDuration(1.0 / parameters_.publish_rate),
       [this](const ros::WallTimerEvent&) { guard()->run([this] { publish(); }); });
+  if (parameters_.window_flush_period > 0.0) {
+    flush_timer_ =
+        every(parameters_.window_flush_period, [this] { map_([](OccupancyMap& map) { map.flush(); }); });
+  }
   allowReconfiguration<MappingParameters>(parameters_,
                                           [this](const MappingParameters& changed) { reconfigure(changed); });
   listen();
@@ -334,6 +342,8 @@ void MappingNodelet::insert(const Message& message, const mapping_common::Arriva
     return result;
   });
   publisher_->changed(report.changed_blocks, message.header.stamp);
+  if (!report.window_error.empty() && window_throttle_())
+    NODELET_ERROR_STREAM("~window/file can't be written, and all stays in memory: " << report.window_error);
 
   ++inserted_;
   ++activity_.insertions;
@@ -402,15 +412,56 @@ void MappingNodelet::offerServices() {
   });
 }
 
+// Goes on with the map of the store, if there is one.
+void MappingNodelet::startWindow() {
+  const WindowOptions& window = parameters_.window;
+  if (window.file.empty()) return;
+  if (!std::filesystem::exists(window.file))
+    return map_([&window](OccupancyMap& map) { map.keepIn(window); });
+  if (!parameters_.map_file.empty()) {
+    throw std::invalid_argument("~window/file is '" + window.file +
+                                "', which holds a map already, and ~map_file is '" + parameters_.map_file +
+                                "': one of them has to be empty, or " + window.file + " be removed");
+  }
+  OccupancyMap map = OccupancyMap::open(window, parameters_.map);
+  const double resolution = map.options().resolution;
+  if (parameters_.other_resolution != OtherResolution::kAdopt && resolution != parameters_.map.resolution) {
+    std::ostringstream text;
+    text << "~window/file is '" << window.file << "', whose voxels are of " << resolution
+         << " m, ~resolution is " << parameters_.map.resolution
+         << " m: set other_resolution to adopt, or remove " << window.file;
+    throw std::invalid_argument(text.str());
+  }
+  map.setRange(parameters_.map.min_range, parameters_.map.max_range);
+  NODELET_INFO_STREAM("Goes on with the map in " << window.file << ", of " << map.size()
+                                                 << " cells. What it was built with replaces the parameters");
+  map_([&map](OccupancyMap& current) { current = std::move(map); });
+}
+
 // A map comes with all that it was built with, but for the limits of the range. OctoMap's files have the
 // resolution alone.
 std::string MappingNodelet::load(const std::string& path) {
+  const WindowOptions& window = parameters_.window;
+  std::error_code error;
+  if (!window.file.empty() && std::filesystem::equivalent(path, window.file, error))
+    throw std::invalid_argument(path + " is ~window/file, which holds the map already");
   OccupancyMap map = readMap(path, parameters_.map, parameters_.other_resolution);
   map.setRange(parameters_.map.min_range, parameters_.map.max_range);
   std::ostringstream text;
-  text << "Read " << map.tree().size() << " cells of a map of " << map.options().resolution << " m from "
-       << path << ". What it was built with replaces the parameters";
-  map_([&](OccupancyMap& current) { current = std::move(map); });
+  text << "Read " << map.size() << " cells of a map of " << map.options().resolution << " m from " << path
+       << ". What it was built with replaces the parameters";
+  map_([&](OccupancyMap& current) {
+    if (!window.file.empty()) {
+      current = OccupancyMap(parameters_.map);  // nobody has the store open then
+      try {
+        map.keepIn(window);
+      } catch (const std::exception&) {
+        current = OccupancyMap::open(window, parameters_.map);
+        throw;
+      }
+    }
+    current = std::move(map);
+  });
   return text.str();
 }
 
@@ -471,7 +522,7 @@ void MappingNodelet::diagnoseInput(StatusWrapper& status) {
 void MappingNodelet::diagnoseMap(StatusWrapper& status) {
   const auto milliseconds = [](double sum, std::size_t count) { return count > 0 ? 1e3 * sum / count : 0.0; };
   map_([&status](const OccupancyMap& map) {
-    const std::size_t cells = map.tree().size();
+    const std::size_t cells = map.size();
     status.summaryf(diagnostic_msgs::DiagnosticStatus::OK, "%zu cells", cells);
     status.add("Cells", cells);
     status.addf("Memory (MiB)", "%.1f", static_cast<double>(map.memoryUsage()) / (1 << 20));

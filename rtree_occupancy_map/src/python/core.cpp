@@ -15,6 +15,7 @@
 #include "rtree_occupancy_map/occupancy_map.h"
 #include "rtree_occupancy_map/octomap_file.h"
 #include "rtree_occupancy_map/pcd_file.h"
+#include "rtree_occupancy_map/window.h"
 
 namespace py = pybind11;
 
@@ -162,6 +163,14 @@ void save(const OccupancyMap& map, const std::string& path) {
   }
 }
 
+WindowOptions windowOf(const std::string& file, double distance, double memory) {
+  WindowOptions window;
+  window.file = file;
+  window.distance = distance;
+  window.memory = memory;
+  return window;
+}
+
 py::dict insertScan(OccupancyMap& map, const Doubles& origin, const Floats& hits, const Floats& misses,
                     const Floats& reflectivity) {
   Scan scan;
@@ -262,11 +271,30 @@ PYBIND11_MODULE(core, module) {
            "won't "
            "do.")
       .def_static("load", &load, py::arg("path"),
-                  "The map of a file: .bt or .ot of OctoMap, otherwise the R-tree map's.")
+                  "The map of a file: .bt or .ot of OctoMap, otherwise the R-tree map's; the cells of a .db "
+                  "are read when they\nare needed.")
       .def("save", &save, py::arg("path"),
            "Writes the map; .bt and .ot for OctoMap, .pcd the centres of the occupied voxels for PCL, "
            "otherwise the\n"
            "R-tree map's own file.")
+      .def_static(
+          "open",
+          [](const std::string& file, double distance, double memory) {
+            return OccupancyMap::open(windowOf(file, distance, memory));
+          },
+          py::arg("file"), py::arg("distance") = WindowOptions().distance,
+          py::arg("memory") = WindowOptions().memory, "Goes on with a map that keep_in has put into a file.")
+      .def(
+          "keep_in",
+          [](OccupancyMap& map, const std::string& file, double distance, double memory) {
+            map.keepIn(windowOf(file, distance, memory));
+          },
+          py::arg("file"), py::arg("distance") = WindowOptions().distance,
+          py::arg("memory") = WindowOptions().memory,
+          "From here on a rolling window: blocks farther than distance (m) from the last scan's origin, and "
+          "those\n"
+          "used longest ago beyond memory (MiB), are in a new file (.db) alone. Queries see no difference.")
+      .def("flush", &OccupancyMap::flush, "Writes to that file what is in memory alone.")
       .def_property_readonly("options", &optionsOf, "Values of all options by their names, as a dict.")
       .def_property_readonly(
           "resolution", [](const OccupancyMap& map) { return map.options().resolution; },
@@ -336,13 +364,13 @@ PYBIND11_MODULE(core, module) {
       .def_property_readonly(
           "bounds",
           [](const OccupancyMap& map) -> py::object {
-            const VoxelBox box = map.tree().bounds();
+            const VoxelBox box = map.bounds();
             if (box.isEmpty()) return py::none();
             return py::make_tuple(toArray(map.minCorner(box)), toArray(map.maxCorner(box)));
           },
           "Corners (3,) and (3,) of the box around all that is known; None for an empty map.")
       .def(
-          "__len__", [](const OccupancyMap& map) { return map.tree().size(); }, "The number of cells.");
+          "__len__", [](const OccupancyMap& map) { return map.size(); }, "The number of cells.");
   module.def("probability", py::vectorize(&OccupancyMap::probability), py::arg("log_odds"),
              "The probabilities that log odds, of any shape, stand for.");
 }

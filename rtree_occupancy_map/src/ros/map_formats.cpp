@@ -19,9 +19,10 @@ namespace rtree_occupancy_map {
 namespace {
 
 constexpr std::pair<const char*, MapFormat> kEndings[] = {
-    {"", MapFormat::kRTree},          {".map", MapFormat::kRTree}, {".bt", MapFormat::kOctomapBinary},
-    {".ot", MapFormat::kOctomapFull}, {".pcd", MapFormat::kPcd},   {".pgm", MapFormat::kMapServer},
-    {".yaml", MapFormat::kMapServer}};
+    {"", MapFormat::kRTree},          {".map", MapFormat::kRTree},
+    {".db", MapFormat::kRTree},       {".bt", MapFormat::kOctomapBinary},
+    {".ot", MapFormat::kOctomapFull}, {".pcd", MapFormat::kPcd},
+    {".pgm", MapFormat::kMapServer},  {".yaml", MapFormat::kMapServer}};
 
 std::string endingOf(const std::string& path) {
   return std::filesystem::path(path).extension().string();
@@ -66,14 +67,14 @@ MapFormat formatOf(const std::string& path) {
   const std::string ending = endingOf(path);
   for (const auto& [known, format] : kEndings)
     if (ending == known) return format;
-  throw std::invalid_argument(
-      "path is '" + path +
-      "', allowed endings are .map or none (the R-tree map), .bt and .ot (OctoMap), .pcd "
-      "(occupied voxels), .pgm and .yaml (seen from above, for map_server)");
+  throw std::invalid_argument("path is '" + path +
+                              "', allowed endings are .map or none (the R-tree map), .db (the same as a "
+                              "store), .bt and .ot (OctoMap), .pcd "
+                              "(occupied voxels), .pgm and .yaml (seen from above, for map_server)");
 }
 
 std::string writeMap(const OccupancyMap& map, const std::string& path, const DisplayOptions& projection) {
-  std::string what = std::to_string(map.tree().size()) + " cells";
+  std::string what = std::to_string(map.size()) + " cells";
   switch (formatOf(path)) {
     case MapFormat::kRTree:
       map.save(path);

@@ -6,6 +6,7 @@
 #include <rtree_occupancy_map/ros/map_formats.h>
 #include <rtree_occupancy_map/ros/map_publisher.h>
 #include <rtree_occupancy_map/ros/scan_conversion.h>
+#include <rtree_occupancy_map/window.h>
 
 #include <string>
 
@@ -14,6 +15,8 @@ namespace rtree_occupancy_map {
 /// What the mapping nodelet is started with.
 struct MappingParameters {
   Options map;
+  WindowOptions window;
+  double window_flush_period = 30.0;
   ScanLimits scan;
   DisplayOptions display;
   std::string map_file, save_on_shutdown;
@@ -39,6 +42,14 @@ struct MappingParameters {
     o("save_on_shutdown", save_on_shutdown, "",
       "path that the map is written to at the end, unless it is empty. Empty: don't");
     map.describe(o);
+    o.group("window",
+            "a rolling window around the sensor, so that a large map needs the memory of a small one",
+            window);
+    o("window_flush_period", window_flush_period, "s",
+      "what has changed in memory is written to window/file this often, too, so that little is lost where "
+      "the "
+      "nodelet is killed; 0: not before it leaves the memory, or the end")
+        .within(0.0, 1e6);
     o.section("the input");
     o("cloud_topics", cloud_topics, "",
       "of point clouds, any number with spaces between them, or a list; each sensor has its own frame, and "
