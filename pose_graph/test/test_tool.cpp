@@ -46,6 +46,19 @@ TEST_P(Tool, OptimisesAndTellsAndExports) {
   EXPECT_TRUE(mentions(mapping_common::readFile(dir_.path("out.tum")), {"\n99 "}));
 }
 
+TEST_P(Tool, LeavesWrongLoopsOut) {
+  Graph graph = rounds(GetParam(), 100, 30, 0.01, 1);
+  Edge wrong = graph.edges().back();
+  wrong.from = 5, wrong.to = 80;
+  graph.addEdge(wrong);
+  writeG2o(in_, graph);
+  EXPECT_EQ(0, run("optimise " + in_ + ' ' + out_ + " --loop-check pcm")) << output();
+  EXPECT_TRUE(mentions(output(), {"wrong: 5 -> 80"}));
+  const Graph optimised = readG2o(out_).graph;
+  EXPECT_LT(optimised.edges().size(), graph.edges().size());
+  EXPECT_LT(meanDistance(graph, optimised), 0.1);
+}
+
 TEST_F(Tool, SaysWhatIsWrong) {
   writeG2o(in_, rounds(true, 10, 5, 0.0, 1));
   EXPECT_EQ(2, run("optimize " + in_ + ' ' + out_));

@@ -11,6 +11,8 @@
 #include <string>
 
 #include "pose_graph/g2o_file.h"
+#include "pose_graph/initialisation.h"
+#include "pose_graph/loop_check.h"
 #include "pose_graph/optimisation.h"
 #include "pose_graph/trajectory_file.h"
 
@@ -19,6 +21,7 @@ namespace po = boost::program_options;
 namespace {
 
 using pose_graph::Graph;
+using pose_graph::LoopCheck;
 using pose_graph::Start;
 
 const char kUsage[] =
@@ -33,7 +36,7 @@ const char kUsage[] =
 struct Arguments {
   std::string command, in, out;
   Start start = Start::kBest;
-  pose_graph::OptimisationOptions options;
+  pose_graph::LoopCheckOptions options;
 };
 
 bool endsWith(const std::string& text, const std::string& end) {
@@ -43,7 +46,8 @@ bool endsWith(const std::string& text, const std::string& end) {
 /// False if help was asked for and printed. Throws po::error for wrong usage.
 bool parse(int argc, char** argv, Arguments& a) {
   po::options_description options("Options"), unnamed;
-  auto& o = a.options;
+  auto& o = a.options.optimisation;
+  a.options.method = LoopCheck::kNone;
   auto add = options.add_options();
   add("help,h", "print this");
   add("start", po::value<std::string>()->default_value("best"),
@@ -54,6 +58,12 @@ bool parse(int argc, char** argv, Arguments& a) {
       "the most for each start");
   add("tolerance", po::value(&o.tolerance)->default_value(o.tolerance, "1e-10"),
       "ends when an iteration lessens chi2 by less than this share");
+  add("loop-check", po::value<std::string>()->default_value("none"),
+      "none | pcm | gnc | dcs: how wrong loops are found, from a chain of consecutive edges on; those are "
+      "left out of "
+      "OUT.g2o");
+  add("confidence", po::value(&a.options.confidence)->default_value(a.options.confidence),
+      "share of right loops that is accepted, if their information is right");
   auto add_unnamed = unnamed.add_options();
   add_unnamed("command", po::value(&a.command)->required(), "");
   add_unnamed("in", po::value(&a.in)->required(), "");
@@ -61,7 +71,8 @@ bool parse(int argc, char** argv, Arguments& a) {
   const auto given = mapping_common::parseArguments(argc, argv, kUsage, options, unnamed);
   if (!given) return false;
   a.start = mapping_common::valueOf<Start>((*given)["start"].as<std::string>());
-  mapping_common::validate(o, "--");
+  a.options.method = mapping_common::valueOf<LoopCheck>((*given)["loop-check"].as<std::string>());
+  mapping_common::validate(a.options, "--");
   if (a.command != "info" && a.command != "optimise" && a.command != "export")
     throw po::error('\'' + a.command + "' is none of info | optimise | export");
   if (a.command == "info" && !a.out.empty()) throw po::error("info writes no file");
@@ -109,7 +120,19 @@ void run(const Arguments& a) {
     std::cerr << "\rpose_graph: iteration " << iteration << ", chi2 " << chi2 << "          " << std::flush;
     return true;
   };
-  const auto result = pose_graph::optimiseFrom(a.start, file.graph, a.options, progress);
+  pose_graph::OptimisationResult result;
+  if (a.options.method == LoopCheck::kNone) {
+    result = pose_graph::optimiseFrom(a.start, file.graph, a.options.optimisation, progress);
+  } else {
+    pose_graph::startFromOdometry(file.graph);
+    const auto checked = pose_graph::optimiseAndCheck(file.graph, a.options, progress);
+    result = checked.optimisation;
+    for (const std::size_t e : checked.revoked) {
+      const auto& edge = file.graph.edges()[e];
+      std::cout << "wrong: " << file.graph.nodes()[edge.from].id << " -> " << file.graph.nodes()[edge.to].id
+                << '\n';
+    }
+  }
   std::cerr << '\n';
   std::cout << "chi2 " << result.initial_chi2 << " -> " << result.chi2 << " in " << result.iterations
             << (result.converged ? " iterations\n" : " iterations; not converged, see --max-iterations\n");

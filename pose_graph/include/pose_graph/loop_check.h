@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// Optimisation that finds out which loops are wrong, so that they don't bend the map.
+#pragma once
+
+#include <mapping_common/options.h>
+
+#include <vector>
+
+#include "pose_graph/graph.h"
+#include "pose_graph/optimisation.h"
+
+namespace pose_graph {
+
+/// How wrong loops are found. Consecutive edges are trusted by all.
+enum class LoopCheck { kNone, kGnc, kPcm, kDcs };
+constexpr auto choicesOf(LoopCheck) {
+  return mapping_common::choices<LoopCheck>(
+      {{"none", LoopCheck::kNone, "all loops are trusted"},
+       {"gnc", LoopCheck::kGnc, "graduated non-convexity with truncated least squares"},
+       {"pcm", LoopCheck::kPcm, "the largest set of loops that agree pairwise over odometry"},
+       {"dcs", LoopCheck::kDcs, "dynamic covariance scaling"}});
+}
+
+struct LoopCheckOptions {
+  LoopCheck method = LoopCheck::kPcm;
+  double confidence = 0.999;
+  OptimisationOptions optimisation;
+
+  void describe(mapping_common::OptionList& o);
+  /// The chi2 that a right loop exceeds with a probability of 1 - confidence.
+  /// @param dimension of the error, 3 or 6
+  double threshold(int dimension) const;
+};
+
+struct LoopCheckResult {
+  OptimisationResult optimisation;             ///< with the loops that were accepted
+  std::vector<std::size_t> accepted, revoked;  ///< edges that became active, and that have been and aren't
+};
+
+/// Optimises from the poses as they are, which should be those of odometry or of an earlier optimisation, and
+/// makes loops active that fit, others inactive. All are judged anew, whatever they were before.
+///
+/// gnc: Yang et al., "Graduated Non-Convexity for Robust Spatial Perception", RA-L 2020. pcm: Mangelson et
+/// al., "Pairwise Consistent Measurement Set Maximization", ICRA 2018, with a greedy clique. dcs: Agarwal et
+/// al., ICRA 2013. After each, loops are accepted by their chi2 at the optimum of those accepted before,
+/// until no more change.
+/// @throws std::invalid_argument for options; std::runtime_error where Ceres fails, or for pcm, where
+/// consecutive edges don't connect each node with the next
+LoopCheckResult optimiseAndCheck(Graph& graph, const LoopCheckOptions& options = {},
+                                 const Progress& progress = {});
+
+}  // namespace pose_graph
