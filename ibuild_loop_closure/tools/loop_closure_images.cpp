@@ -21,6 +21,7 @@
 #include "ibuild_loop_closure/evaluation.h"
 #include "ibuild_loop_closure/loop_detector.h"
 #include "ibuild_loop_closure/pictures.h"
+#include "ibuild_loop_closure/ros/parameters.h"
 #include "image_source.h"
 
 namespace ibuild_loop_closure {
@@ -33,7 +34,7 @@ struct Arguments {
   std::vector<std::string> images, right, deltas;
   std::vector<double> camera;
   double baseline = 0.0;
-  std::string bag, topic, ground_truth, ids, poses, out, method, delta, save, load;
+  std::string bag, topic, ground_truth, ids, poses, out, config, method, delta, save, load;
   int tolerance = 0, walks = -1, beta = 0, gap = 0, pairs = 0, threads = 1;
   double max_distance = 0.0, max_angle = 0.0, min_similarity = -1.0;
 };
@@ -74,6 +75,12 @@ LoopDetectorOptions optionsOf(const Arguments& a) {
     options.geometric_check = true;
     options.features.max_features = 0;
     options.geometry.max_features = 100000;
+  }
+  if (!a.config.empty()) {
+    LoopClosureParameters parameters;
+    parameters.detector = options;
+    mapping_common::assign(parameters, mapping_common::loadYaml(a.config), {"debug_image/"}, "~");
+    options = parameters.detector;
   }
   if (a.beta > 0) options.beta = a.beta;
   if (a.min_similarity >= 0.0) options.min_similarity = a.min_similarity;
@@ -334,6 +341,7 @@ bool parse(int argc, char** argv, Arguments& a) {
       ("max-distance", po::value(&a.max_distance)->default_value(2.0), "poses as ground truth: m")
       ("max-angle", po::value(&a.max_angle)->default_value(45.0), "poses as ground truth: degrees between the optical axes")
       ("gap", po::value(&a.gap)->default_value(50), "poses as ground truth: images that a loop's two are apart at least")
+      ("config", po::value(&a.config), "YAML file with the nodelet's parameters, of which those of the detector are taken")
       ("method", po::value(&a.method)->default_value("full"), "full | thesis | thesis+grouping | thesis+geometry")
       ("delta", po::value(&a.delta), "Hamming threshold in bits, or auto: estimated from consecutive images")
       ("deltas", po::value(&a.deltas)->multitoken(), "more values of delta for the precision-recall curves")

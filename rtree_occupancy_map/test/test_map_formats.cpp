@@ -15,9 +15,9 @@
 namespace rtree_occupancy_map {
 namespace {
 
-using mapping_common::readFile;
 using mapping_common::errorOf;
 using mapping_common::mentions;
+using mapping_common::readFile;
 using mapping_common::TempDir;
 
 std::map<Voxel, float> known(const OccupancyMap& map) {
