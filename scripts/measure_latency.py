@@ -5,8 +5,8 @@ that has it, when it is interrupted.
 
     measure_latency.py CLOUD_TOPIC
 """
+import argparse
 import struct
-import sys
 import threading
 import time
 
@@ -56,7 +56,10 @@ class Listener:
 
 
 if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("cloud_topic", metavar="CLOUD_TOPIC")
+    arguments = parser.parse_args(rospy.myargv()[1:])
     rospy.init_node("measure_latency", anonymous=True)
-    listener = Listener(sys.argv[1])
+    listener = Listener(arguments.cloud_topic)
     rospy.spin()
     listener.report()
