@@ -61,17 +61,25 @@ def draw_similarities(figure, similarity, loops):
     figure.colorbar(image, label='similarity by words in common')
 
 
+def walks_of(sequences, positions):
+    """The number of each image's walk: a folder is one, and a step of more than 10 mean ones begins another."""
+    steps = numpy.linalg.norm(numpy.diff(positions, axis=1), axis=0)
+    begins = (numpy.diff(sequences) != 0) | (steps > 10.0 * steps.sum() / max(1, len(steps)))
+    return numpy.concatenate([[0], numpy.cumsum(begins)])
+
+
 def draw_trajectory(figure, trajectory, loops):
     """From above, and over the number of the image, as what is gone twice lies on itself."""
     names = numpy.array(['x', 'y', 'z'])
     positions = numpy.array([trajectory[name] for name in names])
+    walks = walks_of(trajectory['sequence'], positions)
     extents = positions.max(axis=1) - positions.min(axis=1)
     along, across = numpy.argsort(-extents, kind='stable')[:2]
     is_long = extents[along] > 5.0 * extents[across]
     from_above, in_order = figure.subplots(*((2, 1) if is_long else (1, 2)))
     for axes, ordinate in ((from_above, positions[across]), (in_order, trajectory['image'])):
-        for i, sequence in enumerate(numpy.unique(trajectory['sequence'])):
-            of = trajectory['sequence'] == sequence
+        for i in range(walks[-1] + 1):
+            of = walks == i
             axes.plot(positions[along][of], ordinate[of], '.-', color=('black', '0.6')[i % 2], markersize=3, linewidth=1,
                       label='images %d to %d' % (trajectory['image'][of][0], trajectory['image'][of][-1]))
         for label, color, which in loops_by_outcome(loops):
