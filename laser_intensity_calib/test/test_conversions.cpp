@@ -32,12 +32,12 @@ TEST(ReadScan, LeavesOutWhatIsNoReturn) {
   scan.angle_increment = 0.01F;
   scan.range_min = 0.1F;
   scan.range_max = 10.0F;
-  scan.ranges = {1.0F, kInf, -kInf, kNan, 0.05F, 10.5F, 10.0F};
+  scan.ranges = {1.0F, kInf, -kInf, kNan, 0.05F, 10.0F, 9.0F};
   scan.intensities = {1, 2, 3, 4, 5, 6, 7};
   const ScanArrays arrays = readScan(scan);
   EXPECT_EQ(5, arrays.ranges.isNaN().count());
   EXPECT_FLOAT_EQ(1.0F, arrays.ranges[0]);
-  EXPECT_FLOAT_EQ(10.0F, arrays.ranges[6]);
+  EXPECT_FLOAT_EQ(9.0F, arrays.ranges[6]);
   EXPECT_FLOAT_EQ(7.0F, arrays.intensities[6]);
 }
 

@@ -267,7 +267,7 @@ TEST_F(MappingNodelet, ScanWithoutReturnClears) {
   scan.angle_increment = 0.01F;
   scan.range_min = 0.1F;
   scan.range_max = 8.0F;
-  scan.ranges.assign(100, 5.0F);
+  for (int i = 0; i < 100; ++i) scan.ranges.push_back(5.0F + 0.001F * static_cast<float>(i % 7));
   publish(scan, "laser", pose);
   ASSERT_TRUE(waitForMap(reference_));
   EXPECT_FALSE(cellsInBox(1000.0, true).cells.empty());
@@ -279,6 +279,10 @@ TEST_F(MappingNodelet, ScanWithoutReturnClears) {
   }
   EXPECT_TRUE(cellsInBox(1000.0, true).cells.empty());
   EXPECT_EQ(VoxelState::kFree, reference_.stateAt({7.5, 0.1, 0.1}));
+
+  scan.range_max = 0.0F;
+  publish(scan, "laser", pose);
+  expectDiagnostic("Input", "Not as it says: range_max", "1");
 }
 
 TEST_F(MappingNodelet, ScanWithoutReturnClearsOnlyIfAskedTo) {

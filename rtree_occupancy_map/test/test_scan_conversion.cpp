@@ -137,7 +137,7 @@ sensor_msgs::LaserScan makeScan(const std::vector<float>& ranges) {
 }
 
 TEST(ScanConversion, FollowsRep117) {
-  auto message = makeScan({2, kInf, 11, kNan, -kInf, 0.1F, 10, 0.5F});
+  auto message = makeScan({2, kInf, 10, kNan, -kInf, 0.1F, 9, 0.5F});
   message.intensities = {1, 2, 3, 4, 5, 6, 7, 8};
   const auto c = toScan(message, pose(1, 1, 1, 0), {});
   ASSERT_EQ(2u, c.scan.misses.size());
@@ -148,10 +148,34 @@ TEST(ScanConversion, FollowsRep117) {
   expectNear(c.scan.hits[0], 3, 1, 1);
   EXPECT_FALSE(c.scan.hits[1].allFinite());
   EXPECT_FALSE(c.scan.hits[2].allFinite());
-  expectNear(c.scan.hits[3], -9, 1, 1);
+  expectNear(c.scan.hits[3], -8, 1, 1);
   expectNear(c.scan.hits[4], 1, 0.5, 1);
   EXPECT_EQ((std::vector<float>{1, 4, 5, 7, 8}), c.scan.reflectivity);
   EXPECT_EQ(1u, c.below_minimum);
+  // 0 is an error or no return: it doesn't say which, and clears nothing.
+  const auto zero = toScan(makeScan({0, 2}), pose(0, 0, 0, 0), {});
+  EXPECT_EQ(1u, zero.below_minimum);
+  EXPECT_TRUE(zero.scan.misses.empty());
+}
+
+// As drivers send them that don't know REP 117.
+TEST(ScanConversion, BeamsWithoutAReturnAreFoundByTheirEqualRanges) {
+  auto message = makeScan({2, 3, 4, 9.9F, 9.9F, 9.9F, 9.9F, 9.9F, 9.9F, 9.9F, 9.9F});
+  message.angle_increment = 0.1F;
+  const auto c = toScan(message, pose(0, 0, 0, 0), {});
+  EXPECT_EQ(3u, c.scan.hits.size());
+  ASSERT_EQ(8u, c.scan.misses.size());
+  EXPECT_NEAR(9.9, c.scan.misses[0].norm(), 1e-5);
+}
+
+TEST(ScanConversion, ScansThatDontFitTogetherAreUsedAsFarAsTheyGo) {
+  auto message = makeScan({1, 2, 3});
+  message.intensities = {1};
+  EXPECT_TRUE(toScan(message, pose(0, 0, 0, 0), {}).scan.reflectivity.empty());
+  message.range_max = 0;
+  EXPECT_EQ(3u, toScan(message, pose(0, 0, 0, 0), {}).scan.hits.size());
+  message.time_increment = 100.0F;
+  EXPECT_EQ(0.0, sweepTimesOf(message).last);
 }
 
 TEST(ScanConversion, NoReturnClearsOnlyIfAskedToAndKnownHowFar) {
@@ -175,11 +199,9 @@ TEST(ScanConversion, RejectsWhatIsMalformed) {
     }
   };
   using LaserScan = sensor_msgs::LaserScan;
-  rejected([](LaserScan& s) { s.intensities = {1}; }, "1 intensities for 3 ranges");
   rejected([](LaserScan& s) { s.angle_min = kNan; }, "angles");
   rejected([](LaserScan& s) { s.angle_increment = kInf; }, "angles");
-  rejected([](LaserScan& s) { s.range_max = 0; }, "range_max");
-  rejected([](LaserScan& s) { s.range_max = kNan; }, "range_max");
+  rejected([](LaserScan& s) { s.ranges = {1000, 2000, 3000}; }, "millimetres");
   rejected([](LaserScan& s) { s.range_min = 20; }, "range_min");
 }
 

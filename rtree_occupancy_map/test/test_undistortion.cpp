@@ -200,7 +200,7 @@ TEST_F(TurningLidar, LaserScansHaveTheirTimeIncrement) {
   const auto times = sweepTimesOf(message);
   EXPECT_EQ(0.0, times.first);
   EXPECT_NEAR(0.1, times.last, 2e-4);
-  const Scan scan = toScan(message, frame_, {}).scan;
+  const Scan scan = toScan(message, mapping_common::LaserScans().read(message), frame_, {}).scan;
   EXPECT_LT(farthestFromWalls(scan), 0.005);
   EXPECT_GT(farthestFromWalls(toScan(message, path_.at(0.0) * laser.mount, {}).scan), 0.3);
   ASSERT_FALSE(scan.misses.empty());

@@ -5,7 +5,7 @@
 #include <geometry_msgs/PoseWithCovarianceStamped.h>
 #include <intensity_hector_slam/ResetMapping.h>
 #include <mapping_common/arrivals.h>
-#include <mapping_common/laser_scans.h>
+#include <mapping_common/laser_faults.h>
 #include <mapping_common/nodelet.h>
 #include <mapping_msgs/LoadMap.h>
 #include <mapping_msgs/SaveMap.h>
@@ -81,7 +81,7 @@ class SlamNodelet : public mapping_common::Nodelet {
   ros::WallTimer map_timer_;
 
   mapping_common::LaserScans laser_scans_;
-  std::unique_ptr<mapping_common::Drops> faults_;  // of scans that are used
+  std::unique_ptr<mapping_common::LaserFaults> laser_faults_;
   ScanCounts counts_;
   int reports_without_scan_ = 0;
 };
@@ -181,12 +181,7 @@ void SlamNodelet::listen() {
   } else if (p.usesOdometry() || (p.pub_map_odom_transform && p.odom_frame != p.base_frame)) {
     wanted.other_target = p.odom_frame;
   }
-  mapping_common::Drops::Options faults;
-  faults.name = getName();
-  faults.warning = "A scan isn't used as it says";
-  faults.key = "Not as it says";
-  faults.reasons = {"intensities", "range_max", "ranges", "raw intensities", "time_increment"};
-  faults_ = std::make_unique<mapping_common::Drops>(faults);
+  laser_faults_ = std::make_unique<mapping_common::LaserFaults>(getName());
   asks_for_body_ = !wanted.other_target.empty();
   arrivals_ =
       std::make_unique<Arrivals>(node, guard(), options, [this](const ros::Time& to) { timeJumpedBack(to); });
@@ -215,7 +210,7 @@ void SlamNodelet::process(const sensor_msgs::LaserScan& message, const Arrivals:
   const ros::WallTime start = ros::WallTime::now();
   mapping_common::LaserReading reading = laser_scans_.read(message);
   const Scan scan = toScan(message, reading, transforms.message, parameters_.scan);
-  for (const auto& [what, why] : reading.warnings) faults_->add(what, why);
+  laser_faults_->add(reading);
   if (static_cast<int>(scan.points.size()) >= parameters_.slam.min_points) last_scan_ = scan;
   std::optional<Pose> body;
   if (transforms.other) body = toPose(*transforms.other);
@@ -346,7 +341,7 @@ void SlamNodelet::report() {
     NODELET_WARN_STREAM(whyNoScan(scan_subscriber_.getTopic()));
   }
   arrivals_->endReport();
-  faults_->endReport();
+  laser_faults_->endReport();
   counts_.endReport();
 }
 
@@ -354,11 +349,7 @@ void SlamNodelet::diagnoseScans(StatusWrapper& status) {
   counts_.addTo(status, reportedTime(), arrivals_->drops().recent(), arrivals_->queue().waiting(),
                 slam_->options().localization ? "Localizing" : "Mapping");
   arrivals_->addTo(status, reportedTime());
-  faults_->addTo(status);
-  if (faults_->recent() > 0) {
-    status.mergeSummaryf(diagnostic_msgs::DiagnosticStatus::WARN, "%zu scans aren't used as they say",
-                         faults_->recent());
-  }
+  laser_faults_->addTo(status);
   if (paused_) status.summary(diagnostic_msgs::DiagnosticStatus::OK, "Paused");
 }
 

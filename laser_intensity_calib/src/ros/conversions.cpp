@@ -2,6 +2,7 @@
 #include "laser_intensity_calib/ros/conversions.h"
 
 #include <mapping_common/cloud_fields.h>
+#include <mapping_common/laser_scans.h>
 
 #include <cmath>
 #include <cstdint>
@@ -15,10 +16,6 @@ using mapping_common::CloudField;
 using sensor_msgs::PointField;
 
 ScanArrays readScan(const sensor_msgs::LaserScan& scan) {
-  if (!std::isfinite(scan.angle_min) || !std::isfinite(scan.angle_increment) ||
-      scan.angle_increment == 0.0F) {
-    throw std::invalid_argument("angles that are not finite, or an angle_increment of 0");
-  }
   if (scan.intensities.empty()) {
     throw std::invalid_argument("no intensities: let the driver publish them, or the scanner send them");
   }
@@ -26,11 +23,15 @@ ScanArrays readScan(const sensor_msgs::LaserScan& scan) {
     throw std::invalid_argument(std::to_string(scan.intensities.size()) + " intensities for " +
                                 std::to_string(scan.ranges.size()) + " ranges");
   }
+  const mapping_common::LaserReading reading = mapping_common::LaserScans().read(scan);
   const auto n = static_cast<Eigen::Index>(scan.ranges.size());
   ScanArrays arrays{Eigen::Map<const Eigen::ArrayXf>(scan.ranges.data(), n),
                     Eigen::Map<const Eigen::ArrayXf>(scan.intensities.data(), n)};
-  arrays.ranges = (arrays.ranges >= scan.range_min && arrays.ranges <= scan.range_max)
-                      .select(arrays.ranges, std::numeric_limits<float>::quiet_NaN());
+  arrays.ranges = arrays.ranges
+                      .unaryExpr([&](float range) {
+                        return reading.isReturn(range) ? range : std::numeric_limits<float>::quiet_NaN();
+                      })
+                      .eval();
   return arrays;
 }
 

@@ -152,7 +152,7 @@ bool BagScans::next(PosedScan& scan) {
       } else {
         throw std::runtime_error("message of another type or truncated");
       }
-    } catch (const std::runtime_error&) {
+    } catch (const std::exception&) {
       ++malformed_;
       ++next_;
       continue;

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <mapping_common/laser_scans.h>
 #include <rosbag_tests/converters/conversions.h>
 
 #include <cmath>
@@ -17,16 +18,14 @@ void fromLaserScan(const sensor_msgs::LaserScan& message, pcl::PointCloud<pcl::P
   if (message.ranges.empty()) throw std::runtime_error("laser scan without ranges");
   if (!message.intensities.empty() && message.intensities.size() != message.ranges.size())
     throw std::runtime_error("laser scan with unequal numbers of ranges and intensities");
-  if (!std::isfinite(message.angle_min) || !std::isfinite(message.angle_increment) ||
-      message.angle_increment == 0.0f)
-    throw std::runtime_error("laser scan without valid angles");
+  const mapping_common::LaserReading reading = mapping_common::LaserScans().read(message);
   constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
   cloud.resize(message.ranges.size());
   for (std::size_t i = 0; i < cloud.size(); ++i) {
     const double range = message.ranges[i];
     const double angle = message.angle_min + static_cast<double>(i) * message.angle_increment;
-    const bool hit = std::isfinite(range) && range >= message.range_min && range <= message.range_max;
-    cloud[i].getVector3fMap() = hit ? Eigen::Vector3f(range * std::cos(angle), range * std::sin(angle), 0.0f)
+    cloud[i].getVector3fMap() = reading.isReturn(range)
+                                    ? Eigen::Vector3f(range * std::cos(angle), range * std::sin(angle), 0.0f)
                                     : Eigen::Vector3f::Constant(kNan);
     cloud[i].intensity = message.intensities.empty() ? 0.0f : message.intensities[i];
   }

@@ -4,6 +4,7 @@
 // single-threaded callback queue but publishing, which has a thread of its own: those two share the map and
 // the publisher, which know of that, and publications_.
 #include <mapping_common/arrivals.h>
+#include <mapping_common/laser_faults.h>
 #include <mapping_common/nodelet.h>
 #include <mapping_msgs/LoadMap.h>
 #include <mapping_msgs/SaveMap.h>
@@ -19,6 +20,7 @@
 #include <filesystem>
 #include <functional>
 #include <iterator>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <pluginlib/class_list_macros.hpp>
@@ -60,6 +62,8 @@ struct Publications {
 
 // A sweep's poses that tf is asked for: 3 ms apart at 10 Hz.
 constexpr int kPoses = 33;
+
+constexpr std::size_t kMostScanners = 64;  // whose readings are told apart, by their frames
 
 template <class Message>
 constexpr bool is_cloud = std::is_same_v<Message, sensor_msgs::PointCloud2>;
@@ -121,8 +125,10 @@ class MappingNodelet : public mapping_common::Nodelet {
   void offerServices();
   template <class Message>
   void insert(const Message& message, const mapping_common::Arrivals::Transforms& transforms);
-  template <class Message>
-  ConvertedScan convert(const Message& message, const mapping_common::Arrivals::Transforms& transforms) const;
+  ConvertedScan convert(const sensor_msgs::PointCloud2& cloud,
+                        const mapping_common::Arrivals::Transforms& transforms) const;
+  ConvertedScan convert(const sensor_msgs::LaserScan& scan,
+                        const mapping_common::Arrivals::Transforms& transforms);
   template <class Message>
   std::function<SweepTimes(const Message&)> sweepOf() const;
   SensorPath pathOf(const std::string& frame, const ros::Time& stamp, const SweepTimes& times) const;
@@ -149,6 +155,8 @@ class MappingNodelet : public mapping_common::Nodelet {
   std::unique_ptr<mapping_common::Arrivals> arrivals_;
   std::vector<BodyBox> robot_body_;
   std::vector<ros::Subscriber> inputs_;
+  std::map<std::string, mapping_common::LaserScans> laser_scans_;  // by their frame
+  std::unique_ptr<mapping_common::LaserFaults> laser_faults_;
 
   ros::WallTimer publish_timer_, flush_timer_;
   std::mutex publications_mutex_;
@@ -233,6 +241,7 @@ void MappingNodelet::listen() {
         },
         true, sweepOf<sensor_msgs::PointCloud2>()));
   }
+  laser_faults_ = std::make_unique<mapping_common::LaserFaults>(getName());
   inputs_.push_back(arrivals_->subscribe<sensor_msgs::LaserScan>(
       "scan", parameters_.queue_size, "Scans",
       [this](const sensor_msgs::LaserScan& scan, const Arrivals::Transforms& transforms) {
@@ -307,23 +316,28 @@ SensorPath MappingNodelet::pathOf(const std::string& frame, const ros::Time& sta
   return path;
 }
 
-template <class Message>
-ConvertedScan MappingNodelet::convert(const Message& message,
+ConvertedScan MappingNodelet::convert(const sensor_msgs::PointCloud2& cloud,
                                       const mapping_common::Arrivals::Transforms& transforms) const {
   if (!parameters_.undistort) {
-    ConvertedScan converted = toScan(message, transforms.message, parameters_.scan);
+    ConvertedScan converted = toScan(cloud, transforms.message, parameters_.scan);
     if (transforms.other) converted.scan.origin = transforms.other->translation().cast<float>();
     return converted;
   }
-  const SweepTimes times = sweepTimesOf(message);
-  const SensorPath path = pathOf(message.header.frame_id, message.header.stamp, times);
-  if constexpr (is_cloud<Message>) {
-    const SensorPath origin =
-        transforms.other ? pathOf(parameters_.sensor_frame_id, message.header.stamp, times) : path;
-    return toScan(message, path, origin, parameters_.scan);
-  } else {
-    return toScan(message, path, parameters_.scan);
-  }
+  const SweepTimes times = sweepTimesOf(cloud);
+  const SensorPath path = pathOf(cloud.header.frame_id, cloud.header.stamp, times);
+  const SensorPath origin =
+      transforms.other ? pathOf(parameters_.sensor_frame_id, cloud.header.stamp, times) : path;
+  return toScan(cloud, path, origin, parameters_.scan);
+}
+
+ConvertedScan MappingNodelet::convert(const sensor_msgs::LaserScan& scan,
+                                      const mapping_common::Arrivals::Transforms& transforms) {
+  if (laser_scans_.size() > kMostScanners) laser_scans_.clear();
+  const mapping_common::LaserReading reading = laser_scans_[scan.header.frame_id].read(scan);
+  laser_faults_->add(reading);
+  if (!parameters_.undistort) return toScan(scan, reading, transforms.message, parameters_.scan);
+  const SensorPath path = pathOf(scan.header.frame_id, scan.header.stamp, sweepTimesOf(scan));
+  return toScan(scan, reading, path, parameters_.scan);
 }
 
 template <class Message>
@@ -491,6 +505,7 @@ void MappingNodelet::publish() {
 void MappingNodelet::report() {
   Nodelet::report();
   arrivals_->endReport();
+  laser_faults_->endReport();
   activity_ = {};
   const std::lock_guard<std::mutex> lock(publications_mutex_);
   publications_ = {};
@@ -508,6 +523,7 @@ void MappingNodelet::diagnoseInput(StatusWrapper& status) {
     status.summary(DiagnosticStatus::OK, activity_.insertions > 0 ? "Mapping" : "No input");
   }
   arrivals_->addTo(status, reportedTime());
+  laser_faults_->addTo(status);
   status.add("Inserted", inserted_);
   status.add("Points mapped", points_.hits);
   status.add("Points left out: not finite", points_.non_finite);

@@ -17,6 +17,7 @@ namespace rtree_occupancy_map {
 namespace {
 
 using mapping_common::CloudField;
+using mapping_common::LaserReading;
 using mapping_common::SweepTimes;
 
 constexpr double kLongestSweep = 1.0;  // s
@@ -99,30 +100,15 @@ class CloudTimes {
 
 // ---- laser scans ------------------------------------------------------------------------------------
 
-void check(const sensor_msgs::LaserScan& scan) {
-  if (!std::isfinite(scan.angle_min) || !std::isfinite(scan.angle_increment)) {
-    throw std::invalid_argument("angles that are not finite");
-  }
-  if (!(scan.range_max > 0.0F) || !(scan.range_min <= scan.range_max)) {
-    throw std::invalid_argument("range_min " + std::to_string(scan.range_min) + " and range_max " +
-                                std::to_string(scan.range_max) + " that are no interval");
-  }
-  if (!scan.intensities.empty() && scan.intensities.size() != scan.ranges.size()) {
-    throw std::invalid_argument(std::to_string(scan.intensities.size()) + " intensities for " +
-                                std::to_string(scan.ranges.size()) + " ranges");
-  }
-}
-
 // @param pose_of of the sensor in the map, by a beam's number
 template <class PoseOf>
-ConvertedScan convert(const sensor_msgs::LaserScan& message, const ScanLimits& limits, bool moves,
-                      const PoseOf& pose_of) {
-  check(message);
+ConvertedScan convert(const sensor_msgs::LaserScan& message, const LaserReading& reading,
+                      const ScanLimits& limits, bool moves, const PoseOf& pose_of) {
   const std::size_t beams = message.ranges.size();
   ConvertedScan converted;
   Scan& scan = converted.scan;
   scan.hits.reserve(beams);
-  if (!message.intensities.empty()) scan.reflectivity.reserve(beams);
+  if (reading.has_intensities) scan.reflectivity.reserve(beams);
   for (std::size_t i = 0; i < beams; ++i) {
     const float range = message.ranges[i];
     const double angle = message.angle_min + static_cast<double>(i) * message.angle_increment;
@@ -130,14 +116,14 @@ ConvertedScan convert(const sensor_msgs::LaserScan& message, const ScanLimits& l
     const auto pointAt = [&](double r) -> Eigen::Vector3f {
       return (pose * Eigen::Vector3d(r * std::cos(angle), r * std::sin(angle), 0.0)).cast<float>();
     };
-    if (range > message.range_max) {
-      if (limits.no_return_clears && std::isfinite(message.range_max)) {
-        scan.misses.push_back(pointAt(message.range_max));
+    if (range >= reading.max_range) {
+      if (limits.no_return_clears && std::isfinite(reading.max_range)) {
+        scan.misses.push_back(pointAt(reading.max_range));
         if (moves) scan.miss_origins.push_back(pose.translation().cast<float>());
       }
       continue;
     }
-    if (std::isfinite(range) && range < message.range_min) {
+    if (std::isfinite(range) && !reading.isReturn(range)) {
       ++converted.below_minimum;
       continue;
     }
@@ -148,7 +134,7 @@ ConvertedScan convert(const sensor_msgs::LaserScan& message, const ScanLimits& l
     }
     scan.hits.push_back(hit);
     if (moves) scan.hit_origins.push_back(pose.translation().cast<float>());
-    if (!message.intensities.empty()) scan.reflectivity.push_back(message.intensities[i]);
+    if (reading.has_intensities) scan.reflectivity.push_back(message.intensities[i]);
   }
   return converted;
 }
@@ -190,10 +176,7 @@ SweepTimes sweepTimesOf(const sensor_msgs::PointCloud2& cloud) {
 SweepTimes sweepTimesOf(const sensor_msgs::LaserScan& scan) {
   if (scan.ranges.empty()) return {};
   const double last = static_cast<double>(scan.time_increment) * static_cast<double>(scan.ranges.size() - 1);
-  if (!(std::abs(last) <= kLongestSweep)) {
-    throw std::invalid_argument("its time_increment is " + std::to_string(scan.time_increment) + " s for " +
-                                std::to_string(scan.ranges.size()) + " beams, allowed are sweeps of 1 s");
-  }
+  if (!(std::abs(last) <= kLongestSweep)) return {};
   return {std::min(0.0, last), std::max(0.0, last)};
 }
 
@@ -233,20 +216,26 @@ ConvertedScan toScan(const sensor_msgs::PointCloud2& cloud, const SensorPath& fr
   return std::move(reader.converted);
 }
 
-ConvertedScan toScan(const sensor_msgs::LaserScan& message, const Eigen::Isometry3d& sensor_in_map,
-                     const ScanLimits& limits) {
-  ConvertedScan converted =
-      convert(message, limits, false, [&](std::size_t) -> const Eigen::Isometry3d& { return sensor_in_map; });
+ConvertedScan toScan(const sensor_msgs::LaserScan& message, const LaserReading& reading,
+                     const Eigen::Isometry3d& sensor_in_map, const ScanLimits& limits) {
+  ConvertedScan converted = convert(message, reading, limits, false,
+                                    [&](std::size_t) -> const Eigen::Isometry3d& { return sensor_in_map; });
   converted.scan.origin = sensor_in_map.translation().cast<float>();
   return converted;
 }
 
-ConvertedScan toScan(const sensor_msgs::LaserScan& message, const SensorPath& frame,
+ConvertedScan toScan(const sensor_msgs::LaserScan& message, const Eigen::Isometry3d& sensor_in_map,
                      const ScanLimits& limits) {
+  return toScan(message, mapping_common::LaserScans().read(message), sensor_in_map, limits);
+}
+
+ConvertedScan toScan(const sensor_msgs::LaserScan& message, const LaserReading& reading,
+                     const SensorPath& frame, const ScanLimits& limits) {
   Eigen::Isometry3d pose;
-  ConvertedScan converted = convert(message, limits, true, [&](std::size_t i) -> const Eigen::Isometry3d& {
-    return pose = frame.at(static_cast<double>(message.time_increment) * static_cast<double>(i));
-  });
+  ConvertedScan converted =
+      convert(message, reading, limits, true, [&](std::size_t i) -> const Eigen::Isometry3d& {
+        return pose = frame.at(reading.time_increment * static_cast<double>(i));
+      });
   converted.scan.origin = frame.at(0.0).translation().cast<float>();
   return converted;
 }

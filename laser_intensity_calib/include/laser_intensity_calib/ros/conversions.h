@@ -8,7 +8,7 @@
 
 namespace laser_intensity_calib {
 
-/// Ranges (m), NaN where nothing was measured within the limits of the scan (REP 117), and intensities.
+/// Ranges (m), NaN where there was no return (mapping_common::LaserReading), and intensities.
 struct ScanArrays {
   Eigen::ArrayXf ranges, intensities;
 };

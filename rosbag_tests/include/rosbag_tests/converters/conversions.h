@@ -14,8 +14,8 @@ namespace rosbag_tests {
 void fromPointCloud2(const sensor_msgs::PointCloud2& message, pcl::PointCloud<pcl::PointXYZI>& cloud);
 
 /// A point per beam in the plane z = 0 of the scan's frame, intensity 0 if the scan has none. What is no
-/// return within range_min and range_max (inf, NaN and others, see REP 117) becomes a NaN point. The sensor
-/// is taken to stand still during the sweep. Throws std::runtime_error saying what is malformed, with `cloud`
+/// return (mapping_common::LaserReading) becomes a NaN point. The sensor is taken to stand still during the
+/// sweep. Throws std::runtime_error or std::invalid_argument saying what is malformed, with `cloud`
 /// unchanged.
 void fromLaserScan(const sensor_msgs::LaserScan& message, pcl::PointCloud<pcl::PointXYZI>& cloud);
 

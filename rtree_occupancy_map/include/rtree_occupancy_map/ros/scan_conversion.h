@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <mapping_common/laser_scans.h>
 #include <mapping_common/options.h>
 #include <mapping_common/transform_queue.h>
 #include <rtree_occupancy_map/occupancy_map.h>
@@ -25,7 +26,7 @@ struct ScanLimits {
       "map frame: returns below are left out as a whole, their beams don't clear either");
     o("pointcloud_max_z", max_z, "m", "the same above");
     o("no_return_clears", no_return_clears, "",
-      "laser scans: a beam without a return (inf) clears up to the sensor's range_max. Points of clouds that "
+      "laser scans: a beam without a return clears up to the sensor's range_max. Points of clouds that "
       "are "
       "at infinity don't tell a direction, and clear nothing");
     o.require(min_z <= max_z, "pointcloud_max_z", "pointcloud_min_z or more");
@@ -45,9 +46,13 @@ struct ConvertedScan {
 ConvertedScan toScan(const sensor_msgs::PointCloud2& cloud, const Eigen::Isometry3d& sensor_in_map,
                      const ScanLimits& limits);
 
-/// Ranges after REP 117: +inf or beyond range_max is no return; NaN, -inf and below range_min is no
-/// measurement. The sensor is taken to stand still during the sweep.
-/// @throws std::invalid_argument that says what is malformed
+/// From the reading's max_range on a beam has no return; NaN, -inf and below range_min is no measurement, and
+/// neither is 0, which drivers send for that as well as for no return. The sensor is taken to stand still
+/// during the sweep.
+/// @param reading of the message, by mapping_common::LaserScans
+ConvertedScan toScan(const sensor_msgs::LaserScan& scan, const mapping_common::LaserReading& reading,
+                     const Eigen::Isometry3d& sensor_in_map, const ScanLimits& limits);
+/// Of a message by itself. @throws std::invalid_argument that says what is malformed
 ConvertedScan toScan(const sensor_msgs::LaserScan& scan, const Eigen::Isometry3d& sensor_in_map,
                      const ScanLimits& limits);
 
@@ -60,7 +65,7 @@ ConvertedScan toScan(const sensor_msgs::LaserScan& scan, const Eigen::Isometry3d
 /// @throws std::invalid_argument that says what is malformed: there is no such field, or a time farther than
 /// 1 s from the stamp
 mapping_common::SweepTimes sweepTimesOf(const sensor_msgs::PointCloud2& cloud);
-/// By its time_increment.
+/// By its time_increment, which counts for nothing where the sweep would be longer than 1 s.
 mapping_common::SweepTimes sweepTimesOf(const sensor_msgs::LaserScan& scan);
 
 /// As above, each point from where the sensor was at its time, and each beam, too. Times are taken in 1024
@@ -69,6 +74,7 @@ mapping_common::SweepTimes sweepTimesOf(const sensor_msgs::LaserScan& scan);
 /// @param origin in the map, of the beams, by the same
 ConvertedScan toScan(const sensor_msgs::PointCloud2& cloud, const SensorPath& frame, const SensorPath& origin,
                      const ScanLimits& limits);
-ConvertedScan toScan(const sensor_msgs::LaserScan& scan, const SensorPath& frame, const ScanLimits& limits);
+ConvertedScan toScan(const sensor_msgs::LaserScan& scan, const mapping_common::LaserReading& reading,
+                     const SensorPath& frame, const ScanLimits& limits);
 
 }  // namespace rtree_occupancy_map
