@@ -46,14 +46,7 @@ bool parse(int argc, char** argv, Arguments& a) {
   add("count", po::value(&a.count)->default_value(a.count), "of scans that are sought");
   add("seed", po::value(&a.seed)->default_value(a.seed), "of the choice of scans");
   add("verbose", po::bool_switch(&a.verbose), "print each");
-  po::variables_map values;
-  po::store(po::command_line_parser(argc, argv).options(all).run(), values);
-  if (values.count("help")) {
-    std::cout << kUsage << '\n' << all;
-    return false;
-  }
-  po::notify(values);
-  return true;
+  return mapping_common::parseArguments(argc, argv, kUsage, all).has_value();
 }
 
 void run(const Arguments& a) {
