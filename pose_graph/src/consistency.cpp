@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "consistency.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cstdint>
 #include <numeric>
@@ -9,72 +8,30 @@
 #include <stdexcept>
 #include <string>
 
+#include "chain.h"
+
 namespace pose_graph {
 namespace {
 
-Matrix6 adjoint(const Pose& pose) {
-  const Eigen::Matrix3d r = pose.rotation.toRotationMatrix();
-  const Eigen::Vector3d& t = pose.translation;
-  Matrix6 a = Matrix6::Zero();
-  a.topLeftCorner<3, 3>() = a.bottomRightCorner<3, 3>() = r;
-  for (int c = 0; c < 3; ++c) a.topRightCorner<3, 3>().col(c) = t.cross(r.col(c));
-  return a;
-}
-
-// Of the error of an edge.
-Matrix6 covarianceOf(const Edge& edge, bool planar) {
-  Matrix6 information = edge.information;
-  if (planar) information.diagonal().segment<3>(2).setOnes();  // of what is 0 anyway
-  information.diagonal() *= 1.0 + 1e-12;
-  return information.llt().solve(Matrix6::Identity());
-}
-
-// Odometry's poses, and the sum of all covariances up to each, seen from the map, so that the difference of
-// two is what lies between them.
-struct Odometry {
-  std::vector<Pose> poses;
-  std::vector<Matrix6> covariances;
-};
-Odometry odometryOf(const Graph& graph) {
+// Of each pose. Consecutive edges have to connect it with the one before.
+std::vector<ChainPose> odometryOf(const Graph& graph) {
   const std::size_t n = graph.nodes().size();
   std::vector<std::optional<Edge>> steps(n);
   for (const Edge& edge : graph.edges()) {
     if (edge.type != EdgeType::kConsecutive) continue;
-    if (edge.from + 1 == edge.to) {
+    if (edge.from + 1 == edge.to)
       steps[edge.to] = edge;
-    } else if (edge.to + 1 == edge.from) {
-      Edge turned = edge;
-      const Matrix6 a = adjoint(edge.transform.inverse());  // of the error, seen from the other end
-      turned.transform = edge.transform.inverse();
-      turned.information = a.transpose() * edge.information * a;
-      steps[edge.from] = turned;
-    }
+    else if (edge.to + 1 == edge.from)
+      steps[edge.from] = turned(edge);
   }
-  Odometry odometry{{{}}, {Matrix6::Zero()}};
+  std::vector<ChainPose> poses(1);
   for (std::size_t i = 1; i < n; ++i) {
     if (!steps[i])
       throw std::runtime_error("pcm needs an edge between poses " + std::to_string(graph.nodes()[i - 1].id) +
                                " and " + std::to_string(graph.nodes()[i].id));
-    odometry.poses.push_back(odometry.poses.back() * steps[i]->transform);
-    const Matrix6 a = adjoint(odometry.poses.back());
-    odometry.covariances.emplace_back(odometry.covariances.back() +
-                                      a * covarianceOf(*steps[i], graph.planar()) * a.transpose());
+    poses.push_back(poses.back().then(*steps[i], graph.planar()));
   }
-  return odometry;
-}
-
-// Rows and columns of x, y and the turn about z in the plane, of all in space.
-template <int N>
-Eigen::Matrix<double, N, N> partOf(const Matrix6& m) {
-  if constexpr (N == 6) {
-    return m;
-  } else {
-    static const int kRows[] = {0, 1, 5};
-    Eigen::Matrix3d part;
-    for (int r = 0; r < 3; ++r)
-      for (int c = 0; c < 3; ++c) part(r, c) = m(kRows[r], kRows[c]);
-    return part;
-  }
+  return poses;
 }
 
 using Set = std::vector<std::uint64_t>;
@@ -124,50 +81,19 @@ std::vector<std::size_t> largeClique(const std::vector<Set>& neighbours) {
   return best;
 }
 
-// Whether loops agree: how far each moves the map that odometry makes, and how sure it is. Two of them agree
-// where they move it alike, but for the drift between them.
-template <int N>
+// Which loops agree with which.
 std::vector<Set> agreements(const Graph& graph, const std::vector<std::size_t>& loops, double threshold) {
-  using Covariance = Eigen::Matrix<double, N, N>;
-  struct Shift {
-    Pose pose, inverse;
-    std::size_t from, to;
-    Covariance covariance, adjoint;
-  };
-  const Odometry odometry = odometryOf(graph);
-  std::vector<Covariance> drift;
-  for (const Matrix6& covariance : odometry.covariances) drift.push_back(partOf<N>(covariance));
+  const std::vector<ChainPose> odometry = odometryOf(graph);
   std::vector<Shift> shifts;
   for (const std::size_t e : loops) {
     const Edge& edge = graph.edges()[e];
-    const bool turned = edge.from > edge.to;
-    const std::size_t from = std::min(edge.from, edge.to), to = std::max(edge.from, edge.to);
-    const Pose measured = odometry.poses[from] * (turned ? edge.transform.inverse() : edge.transform);
-    const Pose shift = measured * odometry.poses[to].inverse();
-    // The error is seen from the measured pose of the edge's own `to`.
-    const Matrix6 a = adjoint(turned ? odometry.poses[from] : measured);
-    shifts.push_back({shift, shift.inverse(), from, to,
-                      partOf<N>(a * covarianceOf(edge, graph.planar()) * a.transpose()),
-                      partOf<N>(adjoint(shift))});
+    shifts.emplace_back(edge, odometry[edge.from], odometry[edge.to], graph.planar());
   }
-  const auto between = [&](std::size_t a, std::size_t b) -> Covariance {
-    return drift[std::max(a, b)] - drift[std::min(a, b)];
-  };
   const std::size_t n = shifts.size();
   std::vector<Set> neighbours(n, Set((n + 63) / 64));
   for (std::size_t i = 0; i < n; ++i)
     for (std::size_t j = 0; j < i; ++j) {
-      const Shift &a = shifts[i], &b = shifts[j];
-      const Pose difference = a.pose * b.inverse;
-      const Eigen::Vector3d turn = (difference.rotation.w() < 0.0 ? -2.0 : 2.0) * difference.rotation.vec();
-      Eigen::Matrix<double, N, 1> error;
-      if constexpr (N == 3)
-        error << difference.translation.x(), difference.translation.y(), turn.z();
-      else
-        error << difference.translation, turn;
-      const Covariance covariance = a.covariance + b.covariance + between(a.from, b.from) +
-                                    a.adjoint * between(a.to, b.to) * a.adjoint.transpose();
-      if (error.dot(covariance.llt().solve(error)) > threshold) continue;
+      if (shifts[i].disagreement(shifts[j]) > threshold) continue;
       neighbours[i][j / 64] |= std::uint64_t{1} << (j % 64);
       neighbours[j][i / 64] |= std::uint64_t{1} << (i % 64);
     }
@@ -179,9 +105,7 @@ std::vector<Set> agreements(const Graph& graph, const std::vector<std::size_t>& 
 std::vector<std::size_t> consistentLoops(const Graph& graph, const std::vector<std::size_t>& loops,
                                          double threshold) {
   std::vector<std::size_t> kept;
-  const auto neighbours =
-      graph.planar() ? agreements<3>(graph, loops, threshold) : agreements<6>(graph, loops, threshold);
-  for (const std::size_t i : largeClique(neighbours)) kept.push_back(loops[i]);
+  for (const std::size_t i : largeClique(agreements(graph, loops, threshold))) kept.push_back(loops[i]);
   return kept;
 }
 

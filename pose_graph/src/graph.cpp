@@ -49,6 +49,18 @@ Vector6 errorOf(const Edge& edge, const Pose& from, const Pose& to, bool planar)
   return error;
 }
 
+void checkInformation(const Matrix6& information, const std::string& name) {
+  if (!information.allFinite()) throw std::invalid_argument("the information of " + name + " isn't finite");
+  if ((information - information.transpose()).cwiseAbs().maxCoeff() >
+      1e-6 * information.cwiseAbs().maxCoeff())
+    throw std::invalid_argument("the information of " + name + " isn't symmetric");
+  if (!positiveSemidefinite(information))
+    throw std::invalid_argument("the information of " + name + " isn't positive semidefinite");
+}
+void checkTransform(const Pose& transform, const std::string& name) {
+  check(transform, false, "the transform of " + name);
+}
+
 std::size_t Graph::addNode(const Node& node) {
   check(node.pose, planar_, "the pose of node " + std::to_string(node.id));
   if (!indices_.emplace(node.id, nodes_.size()).second)
@@ -65,13 +77,7 @@ std::size_t Graph::addEdge(const Edge& edge) {
       "edge " + std::to_string(nodes_[edge.from].id) + " -> " + std::to_string(nodes_[edge.to].id);
   if (edge.from == edge.to) throw std::invalid_argument(name + " has one node only");
   check(edge.transform, planar_, "the transform of " + name);
-  const Matrix6& information = edge.information;
-  if (!information.allFinite()) throw std::invalid_argument("the information of " + name + " isn't finite");
-  if ((information - information.transpose()).cwiseAbs().maxCoeff() >
-      1e-6 * information.cwiseAbs().maxCoeff())
-    throw std::invalid_argument("the information of " + name + " isn't symmetric");
-  if (!positiveSemidefinite(information))
-    throw std::invalid_argument("the information of " + name + " isn't positive semidefinite");
+  checkInformation(edge.information, name);
   edges_.push_back(edge);
   edges_.back().transform.rotation.normalize();
   return edges_.size() - 1;

@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <mapping_common/options.h>
+
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <string>
 #include <unordered_map>
 #include <vector>
 
@@ -38,6 +41,20 @@ struct Node {
 
 /// What an edge is of, as in mapping_msgs/EdgeConstraint.
 enum class EdgeType { kConsecutive, kLoopClosure, kPlace };
+constexpr auto choicesOf(EdgeType) {
+  return mapping_common::choices<EdgeType>({{"consecutive", EdgeType::kConsecutive},
+                                            {"loop_closure", EdgeType::kLoopClosure},
+                                            {"place", EdgeType::kPlace}});
+}
+
+enum class EdgeState { kAccepted, kPending, kRevoked, kDeleted };
+constexpr auto choicesOf(EdgeState) {
+  return mapping_common::choices<EdgeState>(
+      {{"accepted", EdgeState::kAccepted, "has its effect"},
+       {"pending", EdgeState::kPending, "nothing is known yet that tells whether it is right"},
+       {"revoked", EdgeState::kRevoked, "held for wrong"},
+       {"deleted", EdgeState::kDeleted, "taken out by hand"}});
+}
 
 /// A measurement of a pose as seen from another.
 struct Edge {
@@ -55,6 +72,12 @@ struct Edge {
 /// the rotation vector (rad); in a planar graph the angle itself. g2o's EDGE_SE3:QUAT has the vector part
 /// once, and an information that belongs to it.
 Vector6 errorOf(const Edge& edge, const Pose& from, const Pose& to, bool planar);
+
+/// @param name of what they belong to
+/// @throws std::invalid_argument if the information isn't finite, symmetric and positive semidefinite
+void checkInformation(const Matrix6& information, const std::string& name);
+/// @throws std::invalid_argument if the transform isn't finite, or its quaternion not of length 1
+void checkTransform(const Pose& transform, const std::string& name);
 
 /// Key poses and what was measured between them, in space or in the plane z = 0. Nodes and edges keep their
 /// indices.

@@ -37,21 +37,6 @@ struct KeyPose {
   bool fixed = false;
 };
 
-constexpr auto choicesOf(EdgeType) {
-  return mapping_common::choices<EdgeType>({{"consecutive", EdgeType::kConsecutive},
-                                            {"loop_closure", EdgeType::kLoopClosure},
-                                            {"place", EdgeType::kPlace}});
-}
-
-enum class EdgeState { kAccepted, kPending, kRevoked, kDeleted };
-constexpr auto choicesOf(EdgeState) {
-  return mapping_common::choices<EdgeState>(
-      {{"accepted", EdgeState::kAccepted, "has its effect"},
-       {"pending", EdgeState::kPending, "nothing is known yet that tells whether it is right"},
-       {"revoked", EdgeState::kRevoked, "held for wrong"},
-       {"deleted", EdgeState::kDeleted, "taken out by hand"}});
-}
-
 struct SessionEdge {
   std::int64_t id = 0;            ///< unique in the file
   std::int64_t from = 0, to = 0;  ///< key poses
