@@ -77,9 +77,10 @@ def map_section(folder, web):
     data, count, resolution = cuboids(folder / MAP)
     section = ('<h2>The 3D map</h2><p>Corrected, from the clouds of a lidar with 16 beams: %d cuboids of voxels of %g m, '
                'coloured by height. Turn with the left button, move with the right, zoom with the wheel.</p>'
-               '<canvas id="map"></canvas>' % (count, resolution))
+               '<canvas id="map"></canvas><p><label>Cut at a height: <input id="height" type="range" min="1" max="100" value="80">'
+               '</label></p>' % (count, resolution))
     scripts = [(web / name).read_text() for name in ('three.min.js', 'OrbitControls.js', 'viewer.js')]
-    scripts.append('showMap(document.getElementById("map"), %s);' % json.dumps(data))
+    scripts.append('showMap(document.getElementById("map"), document.getElementById("height"), %s);' % json.dumps(data))
     return section, '\n'.join('<script>%s</script>' % script for script in scripts)
 
 

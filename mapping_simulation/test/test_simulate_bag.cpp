@@ -119,7 +119,9 @@ TEST_F(SimulationBag, ScansAreTheSweeps) {
     EXPECT_EQ(cloud_messages[i]->header.frame_id, "velodyne");
     ASSERT_EQ(cloud_messages[i]->width * cloud_messages[i]->height, 16u * 90u);
     sensor_msgs::PointCloud2ConstIterator<float> point(*cloud_messages[i], "x");
+    int index = 0;
     for (const pcl::PointXYZI& expected : clouds[i].cloud) {
+      EXPECT_FLOAT_EQ(point[4], 0.1f / 90 * (index++ % 90));  // time since the stamp
       if (std::isnan(expected.x))
         EXPECT_TRUE(std::isnan(point[0]));
       else

@@ -1,16 +1,17 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
-// Shows the occupied cuboids of an R-tree map, to turn (left button), move (right) and zoom (wheel). The data are in
-// the page, see report.py: six 16-bit integers for each cuboid, its least corner and its size in voxels, then a byte
-// for its colour.
+// Shows the occupied cuboids of an R-tree map, to turn (left button), move (right) and zoom (wheel), up to a height that
+// a slider gives. The data are in the page, see report.py: six 16-bit integers for each cuboid, its least corner and its
+// size in voxels, then a byte for its colour.
 /* global THREE */
-function showMap(canvas, map) {
+function showMap(canvas, slider, map) {
   const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
   const boxes = new Int16Array(bytes(map.boxes).buffer);
   const values = bytes(map.values);
 
   const renderer = new THREE.WebGLRenderer({canvas, antialias: true});
   const scene = new THREE.Scene();
+  renderer.localClippingEnabled = true;
   scene.background = new THREE.Color(0x1b1f24);
   const camera = new THREE.PerspectiveCamera(45, 1, 0.1, 2000);
   camera.up.set(0, 0, 1);
@@ -22,6 +23,8 @@ function showMap(canvas, map) {
   scene.add(sun);
 
   const cubes = new THREE.InstancedMesh(new THREE.BoxGeometry(1, 1, 1), new THREE.MeshLambertMaterial(), values.length);
+  const below = new THREE.Plane(new THREE.Vector3(0, 0, -1), 0);
+  cubes.material.clippingPlanes = [below];
   const matrix = new THREE.Matrix4();
   const color = new THREE.Color();
   const box = new THREE.Box3();
@@ -49,8 +52,14 @@ function showMap(canvas, map) {
     camera.updateProjectionMatrix();
     draw();
   };
+  const cut = () => {
+    below.constant = box.min.z + slider.value / 100 * (box.max.z - box.min.z);
+    draw();
+  };
   controls.addEventListener('change', draw);
+  slider.addEventListener('input', cut);
   window.addEventListener('resize', resize);
   controls.update();
+  cut();
   resize();
 }

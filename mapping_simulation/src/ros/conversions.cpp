@@ -5,6 +5,8 @@
 #include <cmath>
 #include <cstring>
 #include <stdexcept>
+#include <string>
+#include <vector>
 
 namespace mapping_simulation {
 namespace {
@@ -35,12 +37,14 @@ void fill(const Eigen::Isometry3d& pose, Position& p, Rotation& r) {
 }  // namespace
 
 sensor_msgs::PointCloud2 toPointCloud2(const pcl::PointCloud<pcl::PointXYZI>& cloud,
-                                       const std_msgs::Header& header) {
+                                       const std_msgs::Header& header, double column_duration) {
+  std::vector<std::string> fields{"x", "y", "z", "intensity"};
+  if (column_duration > 0.0) fields.push_back("time");
   sensor_msgs::PointCloud2 message;
   message.header = header;
   message.height = 1;
   message.width = cloud.size();
-  for (const char* name : {"x", "y", "z", "intensity"}) {
+  for (const std::string& name : fields) {
     sensor_msgs::PointField field;
     field.name = name;
     field.offset = message.point_step;
@@ -53,10 +57,11 @@ sensor_msgs::PointCloud2 toPointCloud2(const pcl::PointCloud<pcl::PointXYZI>& cl
   message.data.resize(cloud.size() * message.point_step);
   message.is_dense = true;
   std::uint8_t* out = message.data.data();
-  for (const auto& point : cloud) {
-    const float values[] = {point.x, point.y, point.z, point.intensity};
-    std::memcpy(out, values, sizeof(values));
-    out += sizeof(values);
+  for (std::size_t i = 0; i < cloud.size(); ++i, out += message.point_step) {
+    const pcl::PointXYZI& point = cloud[i];
+    const float values[] = {point.x, point.y, point.z, point.intensity,
+                            static_cast<float>(column_duration * (i % cloud.width))};
+    std::memcpy(out, values, message.point_step);
     if (!point.getVector3fMap().allFinite()) message.is_dense = false;
   }
   return message;

@@ -102,7 +102,7 @@ class Recorder {
     } else {
       bag_.write("/" + sensor.topic, receipt,
                  toPointCloud2(toPosedScan(sensor, sweep).cloud,
-                               makeHeader(ros::Time(sweep.stamp), sensor.frame_id)));
+                               makeHeader(ros::Time(sweep.stamp), sensor.frame_id), sensor.timeIncrement()));
     }
   }
 

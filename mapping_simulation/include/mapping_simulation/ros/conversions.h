@@ -12,8 +12,11 @@
 namespace mapping_simulation {
 
 /// A message of float32 x y z intensity, one row, from points in the frame of `header`.
+/// @param column_duration s. If given, there is a field `time`, too: when the point was measured, s after the
+/// stamp, where
+///   the columns of an organised cloud follow one another
 sensor_msgs::PointCloud2 toPointCloud2(const pcl::PointCloud<pcl::PointXYZI>& cloud,
-                                       const std_msgs::Header& header);
+                                       const std_msgs::Header& header, double column_duration = 0.0);
 
 geometry_msgs::Pose toPose(const Eigen::Isometry3d& pose);
 geometry_msgs::Transform toTransform(const Eigen::Isometry3d& pose);
