@@ -15,12 +15,23 @@ struct KeyPose {
   Pose pose = Pose::Zero();
 };
 
-/// Consecutive key poses, for the back end of a graph SLAM.
+enum class EdgeType { kConsecutive, kLoopClosure };
+
+/// Between two key poses, for the back end of a graph SLAM.
 struct Edge {
   KeyPose from, to;
   Pose transform = Pose::Zero();  ///< of `to`, seen from `from`
   Eigen::Matrix3d information =
       Eigen::Matrix3d::Identity();  ///< K^-1 of the transform: 1/m^2, 1/(m rad), 1/rad^2
+  EdgeType type = EdgeType::kConsecutive;
+  double similarity = 1.0;  ///< of what was seen from both, 0 to 1
+};
+
+/// What edges don't know of: standard deviations that grow with the square root of the way.
+struct Drift {
+  double distance = 0.0;  ///< m after one metre
+  double angle = 0.0;     ///< rad after one metre
+  double turn = 0.0;      ///< rad after a turn of one rad
 };
 
 /// Picks key poses from the poses of a SLAM, and tells the edges between them.
@@ -28,15 +39,18 @@ class KeyPoses {
  public:
   /// @param distance, angle from the last key pose on, m and rad
   /// @throws std::invalid_argument that names the option, its value and what is allowed
-  explicit KeyPoses(double distance = 0.5, double angle = 0.5);
+  explicit KeyPoses(double distance = 0.5, double angle = 0.5, const Drift& drift = {});
 
   /// @return the edge that a pose makes, where it is a key pose but for the first
   std::optional<Edge> add(double stamp, const SlamResult& result);
+  /// The last key pose; none where the chain is broken.
+  const std::optional<KeyPose>& last() const { return last_; }
   /// The next pose is the first of a new chain; it isn't connected to the last.
   void breakChain() { last_.reset(); }
 
  private:
   double distance_, angle_;
+  Drift drift_;
   std::uint32_t next_id_ = 0;
   std::optional<KeyPose> last_;
   Eigen::Matrix3d last_covariance_ = Eigen::Matrix3d::Zero();

@@ -263,6 +263,47 @@ struct SearchOptions {
   }
 };
 
+/// Of the search for loops among key poses.
+struct LoopOptions {
+  double max_distance = 10.0, max_angle = 0.7;
+  double min_travel = 10.0, spacing = 2.5;
+  double submap_length = 10.0, resolution = 0.05;
+  double sure_distance = 0.5, confirmation = 0.7;
+  double sigma_distance = 0.02, sigma_angle = 0.005;
+  double memory = 200.0;
+
+  void describe(mapping_common::OptionList& o) {
+    o("loop_max_distance", max_distance, "m",
+      "half the width of the region that is searched, at most: larger takes more time, and more places look "
+      "alike")
+        .within(0.0, 1000.0);
+    o("loop_max_angle", max_angle, "rad", "and half its range of angles").within(0.0, 3.15);
+    o("loop_min_travel", min_travel, "m",
+      "travelled between the key poses of a loop; turns count half a metre for each rad. No less than "
+      "loop_submap_length")
+        .within(0.1, 1e6);
+    o("loop_spacing", spacing, "m", "travelled from a loop to the next").within(0.0, 1e6);
+    o("loop_submap_length", submap_length, "m",
+      "travelled by the key scans that make the map in which a scan is sought")
+        .within(0.1, 1000.0);
+    o("loop_resolution", resolution, "m", "of that map, or map_resolution where that is coarser")
+        .within(0.001, 10.0);
+    o("loop_sure_distance", sure_distance, "m",
+      "in a region up to this half width, a sure place is a loop; in a larger one, once it is confirmed")
+        .atLeast(0.0);
+    o("loop_confirmation", confirmation, "m", "travelled between the places that confirm each other")
+        .atLeast(0.0);
+    o("loop_sigma_distance", sigma_distance, "m",
+      "standard deviation of a loop's transform, beyond the match's: of the map of key scans")
+        .within(1e-6, 10.0);
+    o("loop_sigma_angle", sigma_angle, "rad", "the same of the angle").within(1e-6, 1.0);
+    o("loop_memory", memory, "MB", "for key scans; beyond it, the oldest are forgotten")
+        .above(0.0)
+        .atMost(1e6);
+    o.require(min_travel >= submap_length, "loop_min_travel", "loop_submap_length or more");
+  }
+};
+
 /// Where the iterations start.
 enum class Guess { kLastPose, kConstantVelocity, kOdometry };
 constexpr auto choicesOf(Guess) {

@@ -10,6 +10,7 @@
 #include <tf2_eigen/tf2_eigen.h>
 #include <tf2_msgs/TFMessage.h>
 
+#include <algorithm>
 #include <chrono>
 #include <memory>
 #include <optional>
@@ -94,13 +95,14 @@ BagResult runBag(const BagOptions& options, const SlamParameters& parameters,
     slam.setMap(MultiMap::load(parameters.map_file, parameters.slam.map), parameters.start);
     if (parameters.relocalize_at_start) slam.setLost();
   }
-  KeyPoses key_poses(parameters.key_pose_distance, parameters.key_pose_angle);
+  KeyPoses key_poses(parameters.key_pose_distance, parameters.key_pose_angle, parameters.drift);
+  LoopFinder loops(parameters.loop, parameters.slam);
   mapping_common::LaserScans scans;
   BagResult result;
   std::size_t done = 0;
   for (const rosbag::MessageInstance& instance : view) {
     if (progress) progress(static_cast<double>(done) / view.size());
-    ++done;
+    if (done++ % options.every != 0) continue;
     const auto message = instance.instantiate<sensor_msgs::LaserScan>();
     if (!message) throw std::runtime_error(options.scan_topic + " isn't a sensor_msgs/LaserScan");
     try {
@@ -131,7 +133,15 @@ BagResult runBag(const BagOptions& options, const SlamParameters& parameters,
       const SlamResult slam_result = slam.process(scan, odometry);
       const std::chrono::duration<double> time = std::chrono::steady_clock::now() - start;
       if (slam_result.time_jumped_back) key_poses.breakChain();
-      if (const auto edge = key_poses.add(scan.stamp, slam_result)) result.edges.push_back(*edge);
+      const auto edge = key_poses.add(scan.stamp, slam_result);
+      if (edge) result.edges.push_back(*edge);
+      if (parameters.loops && key_poses.last() && key_poses.last()->stamp == scan.stamp) {
+        const auto loop_start = std::chrono::steady_clock::now();
+        for (const Edge& loop : loops.add(*key_poses.last(), scan, edge)) result.edges.push_back(loop);
+        const std::chrono::duration<double> loop_time = std::chrono::steady_clock::now() - loop_start;
+        result.loop_seconds += loop_time.count();
+        result.longest_loop_seconds = std::max(result.longest_loop_seconds, loop_time.count());
+      }
       result.entries.push_back({scan.stamp, slam_result, time.count()});
       if (processed) processed(scan);
     } catch (const tf2::TransformException& e) {
@@ -142,6 +152,7 @@ BagResult runBag(const BagOptions& options, const SlamParameters& parameters,
   }
   if (progress) progress(1.0);
   result.map = slam.map();
+  result.loops = loops.counts();
   return result;
 }
 

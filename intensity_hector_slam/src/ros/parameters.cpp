@@ -21,6 +21,10 @@ void SlamParameters::describe(mapping_common::OptionList& o) {
   o("start/y", start.y(), "m", "the same").within(-1e6, 1e6);
   o("start/yaw", start.z(), "rad", "the same").within(-6.3, 6.3);
   slam.describe(o);
+  o.section("loops");
+  o("loops", loops, "",
+    "true: key poses where a place is seen again are sought among the earlier ones, and published as edges");
+  loop.describe(o);
   o.section("poses of others");
   o("use_tf_pose_start_estimate", use_tf_pose_start_estimate, "",
     "false: constant_velocity instead of odometry, as in hector_mapping's launch file");
@@ -62,6 +66,13 @@ void SlamParameters::describe(mapping_common::OptionList& o) {
   o("map_pub_period", map_pub_period, "s", "between maps at least").within(0.01, 1e6).dynamic();
   o("key_pose_distance", key_pose_distance, "m", "between key poses: path and edges").within(0.001, 10000.0);
   o("key_pose_angle", key_pose_angle, "rad", "or turned").within(0.001, 10000.0);
+  o("edge_drift_distance", drift.distance, "m",
+    "standard deviation that an edge has after one metre, beyond that of the matches: of what builds up "
+    "while the "
+    "map grows. It grows with the square root of the way")
+      .within(0.0, 10.0);
+  o("edge_drift_angle", drift.angle, "rad", "the same of the angle").within(0.0, 1.0);
+  o("edge_drift_turn", drift.turn, "rad", "the same, after a turn of one rad").within(0.0, 1.0);
   o.require(!mapping_common::withoutSlash(base_frame).empty(), "base_frame", "a name");
   o.require(!mapping_common::withoutSlash(odom_frame).empty(), "odom_frame", "a name");
   o.require(!mapping_common::withoutSlash(map_frame).empty(), "map_frame", "a name");

@@ -16,7 +16,8 @@
 namespace intensity_hector_slam {
 
 SlamPublisher::SlamPublisher(ros::NodeHandle& node, const SlamParameters& parameters)
-    : parameters_(parameters), key_poses_(parameters.key_pose_distance, parameters.key_pose_angle) {
+    : parameters_(parameters),
+      key_poses_(parameters.key_pose_distance, parameters.key_pose_angle, parameters.drift) {
   path_.header.frame_id = parameters_.map_frame;
   map_publisher_ = node.advertise<nav_msgs::OccupancyGrid>("map", 1, true);
   metadata_publisher_ = node.advertise<nav_msgs::MapMetaData>("map_metadata", 1, true);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <intensity_hector_slam/key_poses.h>
+#include <intensity_hector_slam/loop_finder.h>
 #include <intensity_hector_slam/ros/parameters.h>
 
 #include <functional>
@@ -17,6 +18,7 @@ struct BagOptions {
   /// Odometry, the first guess, of tf: its fixed frame; or of a topic (nav_msgs/Odometry): the pose of the
   /// body in any fixed frame. Both empty: there is none.
   std::string odom_frame, odom_topic;
+  std::size_t every = 1;  ///< uses each n-th scan alone
 };
 
 struct BagResult {
@@ -26,7 +28,10 @@ struct BagResult {
     double seconds = 0.0;  ///< what it took, from the Scan on
   };
   std::vector<Entry> entries;  ///< one for each scan that was processed
-  std::vector<Edge> edges;
+  std::vector<Edge> edges;     ///< of the key poses, and their loops
+  LoopFinder::Counts loops;
+  double loop_seconds = 0.0,
+         longest_loop_seconds = 0.0;  ///< that the search for them took, and for one key pose
   MultiMap map;
   /// Scans of one kind, and what is said of the first.
   struct Fault {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <intensity_hector_slam/key_poses.h>
 #include <intensity_hector_slam/options.h>
 #include <intensity_hector_slam/pose.h>
 #include <intensity_hector_slam/ros/scan_conversion.h>
@@ -15,8 +16,11 @@ namespace intensity_hector_slam {
 struct SlamParameters {
   SlamOptions slam;
   ScanLimits scan;
+  bool loops = true;
+  LoopOptions loop;
   Pose start = Pose::Zero();
   double key_pose_distance = 0.5, key_pose_angle = 0.5;
+  Drift drift = {0.02, 0.004, 0.02};
 
   std::string base_frame = "base_link", odom_frame = "odom", map_frame = "map";
   std::string scan_topic = "scan", sys_msg_topic = "syscommand", pose_update_topic = "poseupdate";
