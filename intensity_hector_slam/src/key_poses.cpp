@@ -40,4 +40,12 @@ std::optional<Edge> KeyPoses::add(double stamp, const SlamResult& result) {
   return edge;
 }
 
+void KeyPoses::correct(const Pose& correction) {
+  if (!last_) return;
+  last_->pose = compose(correction, last_->pose);
+  Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
+  turn.topLeftCorner<2, 2>() = Eigen::Rotation2Dd(correction.z()).toRotationMatrix();
+  last_covariance_ = turn * last_covariance_ * turn.transpose();
+}
+
 }  // namespace intensity_hector_slam

@@ -71,37 +71,51 @@ GridMap readLevel(ArchiveReader& read, const MapOptions& options) {
 
 }  // namespace
 
+void MultiMap::write(ArchiveWriter& write) const {
+  write(static_cast<std::uint32_t>(levels_.size()));
+  for (const GridMap& level : levels_) writeLevel(write, level);
+}
+
+void MultiMap::read(ArchiveReader& read) {
+  const auto levels = read.next<std::uint32_t>();
+  options_.levels = levels > 100 ? 0 : static_cast<int>(levels);
+  levels_.clear();
+  for (std::uint32_t i = 0; i < levels && levels <= 100; ++i) levels_.push_back(readLevel(read, options_));
+  if (levels_.empty()) throw std::runtime_error("it has no or too many levels");
+  const GridMap& finest = levels_.front();
+  options_.resolution = finest.resolution();
+  options_.size = std::min(std::max(finest.width(), finest.height()), 32768);
+  for (int i = 0; i < this->levels(); ++i) {
+    const GridMap& level = levels_[i];
+    const int scale = 1 << i;
+    if (level.width() * scale != finest.width() || level.height() * scale != finest.height() ||
+        std::abs(level.resolution() - scale * finest.resolution()) > 1e-9 * scale ||
+        (level.origin() - finest.origin()).norm() > 1e-6) {
+      throw std::runtime_error("its levels don't agree");
+    }
+  }
+  mapping_common::validate(options_);
+  updates_ = 1;
+}
+
 void MultiMap::save(const std::string& path) const {
-  mapping_common::writeArchive(path, kFormat, [this](ArchiveWriter& write) {
-    write(static_cast<std::uint32_t>(levels_.size()));
-    for (const GridMap& level : levels_) writeLevel(write, level);
-  });
+  mapping_common::writeArchive(path, kFormat, [this](ArchiveWriter& to) { write(to); });
+}
+
+std::string MultiMap::toBytes() const {
+  return mapping_common::toArchive(kFormat, [this](ArchiveWriter& to) { write(to); });
 }
 
 MultiMap MultiMap::load(const std::string& path, const MapOptions& options) {
   MultiMap map(options);
-  mapping_common::readArchive(path, kFormat, [&](ArchiveReader& read) {
-    const auto levels = read.next<std::uint32_t>();
-    map.options_.levels = levels > 100 ? 0 : static_cast<int>(levels);
-    map.levels_.clear();
-    for (std::uint32_t i = 0; i < levels && levels <= 100; ++i)
-      map.levels_.push_back(readLevel(read, options));
-    if (map.levels_.empty()) throw std::runtime_error("it has no or too many levels");
-    const GridMap& finest = map.levels_.front();
-    map.options_.resolution = finest.resolution();
-    map.options_.size = std::min(std::max(finest.width(), finest.height()), 32768);
-    for (int i = 0; i < map.levels(); ++i) {
-      const GridMap& level = map.levels_[i];
-      const int scale = 1 << i;
-      if (level.width() * scale != finest.width() || level.height() * scale != finest.height() ||
-          std::abs(level.resolution() - scale * finest.resolution()) > 1e-9 * scale ||
-          (level.origin() - finest.origin()).norm() > 1e-6) {
-        throw std::runtime_error("its levels don't agree");
-      }
-    }
-    mapping_common::validate(map.options_);
-    map.updates_ = 1;
-  });
+  mapping_common::readArchive(path, kFormat, [&map](ArchiveReader& from) { map.read(from); });
+  return map;
+}
+
+MultiMap MultiMap::fromBytes(const char* begin, const char* end, const std::string& name,
+                             const MapOptions& options) {
+  MultiMap map(options);
+  mapping_common::readArchive(begin, end, name, kFormat, [&map](ArchiveReader& from) { map.read(from); });
   return map;
 }
 

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <sstream>
+#include <stdexcept>
 
 namespace intensity_hector_slam {
 
@@ -16,6 +18,15 @@ MultiMap::MultiMap(const MapOptions& options) : options_(mapping_common::validat
     const int scale = 1 << (options_.levels - 1 - i);
     levels_.emplace_back(coarsest / scale, min, size * scale, size * scale);
   }
+}
+
+void MultiMap::requireLike(const MapOptions& options) const {
+  std::ostringstream text;
+  if (std::abs(options_.resolution - options.resolution) > 1e-6 * options.resolution)
+    text << "map_resolution is " << options_.resolution << " m, expected is " << options.resolution << " m";
+  else if (options_.levels != options.levels)
+    text << "map_multi_res_levels is " << options_.levels << ", expected is " << options.levels;
+  if (!text.str().empty()) throw std::invalid_argument(text.str());
 }
 
 void MultiMap::clear() {

@@ -75,6 +75,7 @@ Place Slam::findPlace(const Scan& scan, const SearchRegion& region) {
 void Slam::reset(const Pose& pose) {
   check(pose);
   map_ = MultiMap(options_.map);
+  inserted_.clear();
   finder_.forget();
   setPose(pose);
 }
@@ -82,6 +83,7 @@ void Slam::reset(const Pose& pose) {
 void Slam::setMap(MultiMap map, const Pose& pose) {
   check(pose);
   map_ = std::move(map);
+  inserted_.clear();
   options_.map = map_.options();
   finder_.forget();
   setPose(pose);
@@ -263,6 +265,8 @@ void Slam::startAgain() {
   matched_pose_ = compose(pose_, velocity_ * middle);
   last_match_ = first_->stamp + middle;
   map_.update(deskewed_, matched_pose_);
+  inserted_.clear();
+  keep(deskewed_, matched_pose_);
   last_update_ = matched_pose_;
   last_update_stamp_ = first_->stamp;
 }
@@ -341,9 +345,41 @@ void Slam::updateMap(const Scan& scan, SlamResult& result) {
   const bool due = since >= options_.update_period || since < -options_.max_gap;  // time jumped back
   if (options_.localization || !(due || hasMoved(last_update_, result.pose))) return;
   map_.update(scan, result.pose);
+  keep(scan, result.pose);
   last_update_stamp_ = scan.stamp;
   last_update_ = result.pose;
   result.map_updated = true;
+}
+
+void Slam::keep(const Scan& scan, const Pose& pose) {
+  // What doesn't fit counts as forgotten, so that isComplete() tells.
+  const auto size = [](const auto& values) { return values.size() * sizeof(values.front()); };
+  const std::size_t bytes = sizeof(Scan) + size(scan.points) + size(scan.reflectivities) + size(scan.free);
+  auto kept = std::make_shared<Scan>();
+  if (inserted_.keeps()) {
+    *kept = scan;
+    kept->times = {};
+    kept->free_times = {};
+  }
+  inserted_.add(scan.stamp, bytes, {std::move(kept), pose});
+}
+
+void insertAll(const InsertedScans& scans, const MapCorrection& correction, MultiMap& map) {
+  for (const auto& entry : scans) map.update(*entry.value.scan, correction.of(entry.value.pose, entry.stamp));
+}
+
+void Slam::correct(MultiMap map, const MapCorrection& correction, double until) {
+  check(correction.correction);
+  insertAll(scansAfter(until), correction, map);
+  for (auto& entry : inserted_.entries()) entry.value.pose = correction.of(entry.value.pose, entry.stamp);
+  map_ = std::move(map);
+  options_.map = map_.options();
+  finder_.forget();
+  const double stamp = last_stamp_.value_or(0.0);
+  for (Pose* pose : {&pose_, &matched_pose_}) *pose = correction.of(*pose, stamp);
+  for (auto* pose : {&last_update_, &last_search_})
+    if (*pose) *pose = correction.of(**pose, stamp);
+  first_.reset();
 }
 
 bool Slam::accepts(const Match& match, const Pose& guess) const {

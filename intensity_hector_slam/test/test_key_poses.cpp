@@ -58,5 +58,30 @@ TEST(KeyPoses, SayWhatIsWrong) {
   EXPECT_THROW(KeyPoses(0.0, 1.0), std::invalid_argument);
 }
 
+TEST(KeyPoses, TheNextEdgeIsTheSameInACorrectedMap) {
+  SlamResult first, second;
+  first.status = second.status = Status::kMatched;
+  first.pose = {1.0, 2.0, 0.3};
+  first.covariance = Eigen::Vector3d(1e-4, 4e-4, 1e-5).asDiagonal();
+  second.pose = {2.0, 2.5, 0.6};
+  second.covariance = Eigen::Vector3d(2e-4, 1e-4, 1e-5).asDiagonal();
+  KeyPoses old_map, corrected;
+  old_map.add(1.0, first);
+  corrected.add(1.0, first);
+  const auto expected = old_map.add(2.0, second);
+
+  const Pose correction(-3.0, 1.0, 0.7);
+  corrected.correct(correction);
+  second.pose = compose(correction, second.pose);
+  Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
+  turn.topLeftCorner<2, 2>() = Eigen::Rotation2Dd(0.7).toRotationMatrix();
+  second.covariance = turn * second.covariance * turn.transpose();
+  const auto edge = corrected.add(2.0, second);
+  ASSERT_TRUE(expected && edge);
+  EXPECT_LT((expected->transform - edge->transform).norm(), 1e-12);
+  EXPECT_LT((expected->information - edge->information).norm(), 1e-9 * expected->information.norm());
+  EXPECT_EQ(expected->from.id, edge->from.id);
+}
+
 }  // namespace
 }  // namespace intensity_hector_slam

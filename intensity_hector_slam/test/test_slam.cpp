@@ -466,5 +466,68 @@ TEST(Places, ThatLookAlikeAreNotSure) {
   }
 }
 
+// A map that was made anew lacks what came meanwhile.
+TEST(CorrectedMap, HasAllScansAndThePoseGoesOn) {
+  Slam slam;
+  slam.keepScans(100 << 20);
+  drive(slam, 0.0, 4.0);
+  const InsertedScans all = slam.scansAfter(0.0);
+  ASSERT_GT(all.size(), 6u);
+  MapCorrection correction;
+  correction.stamp = all[all.size() / 2].stamp;
+  correction.correction = {0.4, -0.3, 0.5};
+  MultiMap direct(slam.options().map), corrected(slam.options().map);
+  insertAll(all, correction, direct);
+  insertAll({all.begin(), all.begin() + all.size() / 2 + 1}, correction, corrected);
+
+  const Pose before = slam.pose();
+  slam.correct(corrected, correction, correction.stamp);
+  EXPECT_EQ(compose(correction.correction, before), slam.pose());
+  ASSERT_EQ(direct.level(0).cells().size(), slam.map().level(0).cells().size());
+  for (std::size_t i = 0; i < direct.level(0).cells().size(); ++i) {
+    const auto &expected = direct.level(0).cells()[i], &cell = slam.map().level(0).cells()[i];
+    ASSERT_EQ(expected.occupancy, cell.occupancy);
+    ASSERT_EQ(expected.reflectivity, cell.reflectivity);
+  }
+  for (double time = 4.0; time < 8.0; time += kPeriod) {
+    const SlamResult result = slam.process(scanAt(time));
+    EXPECT_EQ(Status::kMatched, result.status);
+    EXPECT_LT(errorOf(compose(between(correction.correction, Pose::Zero()), result.pose), time), 0.03);
+    // The velocity holds: the first guess is as good as ever.
+    EXPECT_LT(between(result.guess, result.pose).head<2>().norm(), 0.02) << time;
+  }
+  // What is kept is in the new map, for the next one.
+  MapCorrection back;
+  back.correction = between(correction.correction, Pose::Zero());
+  const InsertedScans kept = slam.scansAfter(0.0);
+  EXPECT_LT((back.of(kept[1].value.pose, kept[1].stamp) - all[1].value.pose).norm(), 1e-9);
+}
+
+TEST(CorrectedMap, GivenPosesMayBeCorrectedAlready) {
+  Slam slam;
+  slam.keepScans(100 << 20);
+  for (int i = 0; i < 40; ++i) slam.insert(scanAt(0.5 * i), truthAt(0.5 * i));
+  MapCorrection correction;
+  correction.stamp = 105.0;
+  correction.correction = {1.0, 0.0, 0.0};
+  correction.corrected_from = 110.0;
+  slam.correct(MultiMap(slam.options().map), correction, correction.stamp);
+  EXPECT_EQ(truthAt(19.5), slam.pose());
+  for (const auto& entry : slam.scansAfter(105.0)) {
+    const double moved = (entry.value.pose - truthAt(entry.stamp - 100.0)).head<2>().norm();
+    EXPECT_NEAR(entry.stamp < 110.0 ? 1.0 : 0.0, moved, 1e-9) << entry.stamp;
+  }
+}
+
+TEST(CorrectedMap, WithoutMemoryItIsKnownThatScansAreMissing) {
+  Slam slam;
+  drive(slam, 0.0, 2.0);
+  EXPECT_TRUE(slam.scansAfter(0.0).empty());
+  EXPECT_FALSE(slam.keepsScansAfter(100.5));
+  EXPECT_TRUE(slam.keepsScansAfter(102.0));
+  slam.reset();
+  EXPECT_TRUE(slam.keepsScansAfter(0.0));
+}
+
 }  // namespace
 }  // namespace intensity_hector_slam

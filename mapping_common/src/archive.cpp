@@ -2,6 +2,7 @@
 #include "mapping_common/archive.h"
 
 #include <boost/crc.hpp>
+#include <sstream>
 
 #include "mapping_common/files.h"
 
@@ -10,39 +11,49 @@ namespace {
 
 constexpr std::size_t kMagicSize = 8, kHeaderSize = kMagicSize + sizeof(std::uint32_t), kBuffer = 1 << 16;
 
-bool isWhole(const std::string& bytes, std::size_t checked) {
-  if (bytes.size() - checked == sizeof(std::uint32_t)) {
+// @param size of the checksum, from `checked` on
+bool isWhole(const char* begin, const char* checked, std::size_t size) {
+  if (size == sizeof(std::uint32_t)) {
     boost::crc_32_type crc;
-    crc.process_bytes(bytes.data(), checked);
+    crc.process_bytes(begin, static_cast<std::size_t>(checked - begin));
     const std::uint32_t sum = crc.checksum();
-    return std::memcmp(&sum, bytes.data() + checked, sizeof(sum)) == 0;
+    return std::memcmp(&sum, checked, sizeof(sum)) == 0;
   }
   Checksum checksum;
-  checksum.add(bytes.data(), checked);
+  checksum.add(begin, static_cast<std::size_t>(checked - begin));
   const std::uint64_t sum = checksum.value();
-  return std::memcmp(&sum, bytes.data() + checked, sizeof(sum)) == 0;
+  return std::memcmp(&sum, checked, sizeof(sum)) == 0;
 }
 
-void read(const std::string& bytes, const ArchiveFormat& format,
+void read(const char* begin, const char* end, const ArchiveFormat& format,
           const std::function<void(ArchiveReader&)>& read) {
-  if (bytes.compare(0, kMagicSize, format.magic) != 0)
+  const auto available = static_cast<std::size_t>(end - begin);
+  if (available < kMagicSize || std::memcmp(begin, format.magic, kMagicSize) != 0)
     throw std::runtime_error(std::string("it isn't ") + format.what);
-  if (bytes.size() < kHeaderSize) throw std::runtime_error("it is truncated");
+  if (available < kHeaderSize) throw std::runtime_error("it is truncated");
   std::uint32_t version = 0;
-  std::memcpy(&version, bytes.data() + kMagicSize, sizeof(version));
+  std::memcpy(&version, begin + kMagicSize, sizeof(version));
   if (version < format.oldest || version > format.newest) {
     throw std::runtime_error("it has format version " + std::to_string(version) + ", this program reads " +
                              (format.oldest == format.newest ? "" : std::to_string(format.oldest) + " to ") +
                              std::to_string(format.newest));
   }
   const std::size_t size = version <= format.last_with_crc ? sizeof(std::uint32_t) : sizeof(std::uint64_t);
-  if (bytes.size() < kHeaderSize + size) throw std::runtime_error("it is truncated");
-  const std::size_t checked = bytes.size() - size;
-  if (!isWhole(bytes, checked))
+  if (available < kHeaderSize + size) throw std::runtime_error("it is truncated");
+  const char* checked = end - size;
+  if (!isWhole(begin, checked, size))
     throw std::runtime_error("it is truncated or corrupted: its checksum is wrong");
-  ArchiveReader reader(bytes.data() + kHeaderSize, bytes.data() + checked, version);
+  ArchiveReader reader(begin + kHeaderSize, checked, version);
   read(reader);
   if (reader.left() > 0) throw std::runtime_error("it holds more than it says");
+}
+
+void write(std::ostream& out, const ArchiveFormat& format, const std::function<void(ArchiveWriter&)>& write) {
+  ArchiveWriter writer(out);
+  writer.bytes(format.magic, kMagicSize);
+  writer(format.newest);
+  write(writer);
+  writer.finish();
 }
 
 }  // namespace
@@ -149,23 +160,28 @@ void ArchiveReader::copy(void* to, std::size_t count, std::size_t size) {
 }
 
 void writeArchive(const std::string& path, const ArchiveFormat& format,
-                  const std::function<void(ArchiveWriter&)>& write) {
-  writeFile(path, [&](std::ostream& out) {
-    ArchiveWriter writer(out);
-    writer.bytes(format.magic, kMagicSize);
-    writer(format.newest);
-    write(writer);
-    writer.finish();
-  });
+                  const std::function<void(ArchiveWriter&)>& write_content) {
+  writeFile(path, [&](std::ostream& out) { write(out, format, write_content); });
+}
+
+std::string toArchive(const ArchiveFormat& format, const std::function<void(ArchiveWriter&)>& write_content) {
+  std::ostringstream out;
+  write(out, format, write_content);
+  return out.str();
 }
 
 void readArchive(const std::string& path, const ArchiveFormat& format,
                  const std::function<void(ArchiveReader&)>& read_content) {
   const std::string bytes = readFile(path);
+  readArchive(bytes.data(), bytes.data() + bytes.size(), path, format, read_content);
+}
+
+void readArchive(const char* begin, const char* end, const std::string& name, const ArchiveFormat& format,
+                 const std::function<void(ArchiveReader&)>& read_content) {
   try {
-    read(bytes, format, read_content);
+    read(begin, end, format, read_content);
   } catch (const std::exception& e) {
-    throw std::runtime_error(path + " was not loaded: " + e.what());
+    throw std::runtime_error(name + " was not loaded: " + e.what());
   }
 }
 

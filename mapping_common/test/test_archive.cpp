@@ -77,6 +77,22 @@ TEST_F(Archive, HoldsWhatWasWritten) {
   });
 }
 
+TEST_F(Archive, IsTheSameInMemory) {
+  const auto write = [](ArchiveWriter& to) { to(std::string("text")); };
+  writeArchive(path_, kFormat, write);
+  const std::string bytes = toArchive(kFormat, write);
+  EXPECT_EQ(readFile(path_), bytes);
+  const auto read = [&](std::size_t size) {
+    std::string text;
+    readArchive(bytes.data(), bytes.data() + size, "the message", kFormat,
+                [&](ArchiveReader& from) { from(text); });
+    return text;
+  };
+  EXPECT_EQ("text", read(bytes.size()));
+  EXPECT_TRUE(mentions(errorOf([&] { read(7); }), {"the message was not loaded", "isn't a paint box"}));
+  EXPECT_TRUE(mentions(errorOf([&] { read(20); }), {"the message was not loaded", "truncated"}));
+}
+
 TEST_F(Archive, HoldsOptionsByName) {
   Paint paint;
   paint.thickness = 1.0 / 3.0;

@@ -90,23 +90,44 @@ bool isStore(const std::string& path) {
 
 }  // namespace
 
+void OccupancyMap::write(ArchiveWriter& write) const {
+  Options options = withMachine(options_, Options());
+  write(mapping_common::optionsOf(options));
+  write(static_cast<std::uint64_t>(size()));
+  visitAll([&](const Cell& cell) {
+    write(cell.box);
+    write(cell.log_odds);
+    if (options_.reflectivity) write(cell.reflectivity);
+    return true;
+  });
+}
+
+OccupancyMap OccupancyMap::read(ArchiveReader& read, const Options& machine) {
+  const Options options = withMachine(readOptions(read), machine);
+  const auto count = read.next<std::uint64_t>();
+  const std::size_t cell_size =
+      sizeof(VoxelBox) + sizeof(float) + (options.reflectivity ? sizeof(Reflectivity) : 0);
+  if (read.left() / cell_size != count || read.left() % cell_size != 0) {
+    throw std::runtime_error("its number of cells and its size don't agree");
+  }
+  const LogOddsModel model(options);
+  std::vector<Cell> cells;
+  cells.reserve(count);
+  for (std::uint64_t i = 0; i < count; ++i) cells.push_back(readCell(read, options, model));
+  return restore(options, std::move(cells));
+}
+
 void OccupancyMap::save(const std::string& path) const {
   if (isStore(path)) {
     if (window_ && window_->isIn(path))
       throw std::runtime_error(path + " is the map's own store, which it is in");
     return BlockStore::create(path, *this);
   }
-  mapping_common::writeArchive(path, kFormat, [this](ArchiveWriter& write) {
-    Options options = withMachine(options_, Options());
-    write(mapping_common::optionsOf(options));
-    write(static_cast<std::uint64_t>(size()));
-    visitAll([&](const Cell& cell) {
-      write(cell.box);
-      write(cell.log_odds);
-      if (options_.reflectivity) write(cell.reflectivity);
-      return true;
-    });
-  });
+  mapping_common::writeArchive(path, kFormat, [this](ArchiveWriter& to) { write(to); });
+}
+
+std::string OccupancyMap::toBytes() const {
+  return mapping_common::toArchive(kFormat, [this](ArchiveWriter& to) { write(to); });
 }
 
 OccupancyMap OccupancyMap::load(const std::string& path, const Options& machine) {
@@ -116,20 +137,15 @@ OccupancyMap OccupancyMap::load(const std::string& path, const Options& machine)
     return openStore(window, machine, false);
   }
   OccupancyMap map;
-  mapping_common::readArchive(path, kFormat, [&](ArchiveReader& read) {
-    const Options options = withMachine(readOptions(read), machine);
-    const auto count = read.next<std::uint64_t>();
-    const std::size_t cell_size =
-        sizeof(VoxelBox) + sizeof(float) + (options.reflectivity ? sizeof(Reflectivity) : 0);
-    if (read.left() / cell_size != count || read.left() % cell_size != 0) {
-      throw std::runtime_error("its number of cells and its size don't agree");
-    }
-    const LogOddsModel model(options);
-    std::vector<Cell> cells;
-    cells.reserve(count);
-    for (std::uint64_t i = 0; i < count; ++i) cells.push_back(readCell(read, options, model));
-    map = restore(options, std::move(cells));
-  });
+  mapping_common::readArchive(path, kFormat, [&](ArchiveReader& from) { map = read(from, machine); });
+  return map;
+}
+
+OccupancyMap OccupancyMap::fromBytes(const char* begin, const char* end, const std::string& name,
+                                     const Options& machine) {
+  OccupancyMap map;
+  mapping_common::readArchive(begin, end, name, kFormat,
+                              [&](ArchiveReader& from) { map = read(from, machine); });
   return map;
 }
 

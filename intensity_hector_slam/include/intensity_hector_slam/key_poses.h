@@ -47,6 +47,8 @@ class KeyPoses {
   const std::optional<KeyPose>& last() const { return last_; }
   /// The next pose is the first of a new chain; it isn't connected to the last.
   void breakChain() { last_.reset(); }
+  /// The poses to come are in another map, which `correction` moves the last one to.
+  void correct(const Pose& correction);
 
  private:
   double distance_, angle_;

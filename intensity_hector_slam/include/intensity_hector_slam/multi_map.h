@@ -6,6 +6,11 @@
 
 #include "intensity_hector_slam/grid_map.h"
 
+namespace mapping_common {
+class ArchiveReader;
+class ArchiveWriter;
+}  // namespace mapping_common
+
 namespace intensity_hector_slam {
 
 /// The same world in grids of several resolutions, each updated by itself (as in Hector SLAM, to escape local
@@ -18,6 +23,9 @@ class MultiMap {
   /// 0 is the finest.
   const GridMap& level(int i) const { return levels_[i]; }
   int levels() const { return static_cast<int>(levels_.size()); }
+  /// @throws std::invalid_argument where another map's options have another resolution or number of levels;
+  /// it names both
+  void requireLike(const MapOptions& options) const;
   /// Counts the updates.
   std::size_t updates() const { return updates_; }
 
@@ -33,9 +41,15 @@ class MultiMap {
   /// @param options all but the resolution, the levels and the size, which are the file's
   /// @throws std::runtime_error that names the file and what is wrong with it
   static MultiMap load(const std::string& path, const MapOptions& options = {});
+  /// What is in such a file, and the map of it.
+  std::string toBytes() const;
+  static MultiMap fromBytes(const char* begin, const char* end, const std::string& name,
+                            const MapOptions& options = {});
 
  private:
   void growTo(const Scan& scan, const Pose& pose);
+  void write(mapping_common::ArchiveWriter& write) const;
+  void read(mapping_common::ArchiveReader& read);
 
   MapOptions options_;
   std::vector<GridMap> levels_;

@@ -1,8 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <mapping_common/recent.h>
+
+#include <limits>
+#include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "intensity_hector_slam/place_finder.h"
 #include "intensity_hector_slam/scan_matcher.h"
@@ -33,6 +38,28 @@ struct SlamResult {
   std::optional<Place> place;     ///< a search for it, see SlamOptions::relocalize
   double gap = 0.0;               ///< s, a pause before this scan longer than SlamOptions::max_gap, else 0
 };
+
+/// A scan that went into the map, and where.
+struct InsertedScan {
+  std::shared_ptr<const Scan> scan;  ///< as if all of it had been measured at once
+  Pose pose = Pose::Zero();          ///< of the body then
+};
+using InsertedScans = std::vector<mapping_common::Recent<InsertedScan>::Entry>;
+
+/// How poses in a map become those in one that was made anew along a corrected trajectory.
+struct MapCorrection {
+  double stamp = 0.0;              ///< s, of the last scan that is in the new map
+  Pose correction = Pose::Zero();  ///< times a pose in the old map
+  /// s, from here on poses that were given (Slam::insert) are in the new map already
+  double corrected_from = std::numeric_limits<double>::infinity();
+
+  Pose of(const Pose& pose, double at) const {
+    return at < corrected_from ? compose(correction, pose) : pose;
+  }
+};
+
+/// Puts scans into the new map.
+void insertAll(const InsertedScans& scans, const MapCorrection& correction, MultiMap& map);
 
 /// The front end: tells the pose of each scan and builds the map.
 ///
@@ -70,6 +97,18 @@ class Slam {
   /// Goes on in another map, from a pose. Its options replace those of the map.
   void setMap(MultiMap map, const Pose& pose);
 
+  // A map that is made anew, along a corrected trajectory, lacks what went into the old one meanwhile.
+
+  /// Keeps the last scans that go into the map. @param memory bytes that they take at most; 0: none
+  void keepScans(std::size_t memory) { inserted_.setMemory(memory); }
+  /// Those later than a stamp (s).
+  InsertedScans scansAfter(double stamp) const { return inserted_.after(stamp); }
+  /// Whether that is all of them.
+  bool keepsScansAfter(double stamp) const { return inserted_.isComplete(stamp); }
+  /// Goes on in a corrected map: from where the pose is there, with the same velocity.
+  /// @param until stamp of the last scan that is in it already; those kept that are later are put into it
+  void correct(MultiMap map, const MapCorrection& correction, double until);
+
  private:
   static void check(const Scan& scan);
   static void check(const Pose& pose);
@@ -90,6 +129,7 @@ class Slam {
   void updateVelocity(double middle, const SlamResult& result);
   void approach(const Eigen::Vector3d& velocity, double elapsed);
   void updateMap(const Scan& scan, SlamResult& result);
+  void keep(const Scan& scan, const Pose& pose);
 
   SlamOptions options_;
   MultiMap map_;
@@ -98,6 +138,7 @@ class Slam {
   bool lost_ = false;  // until a place is sure
   std::optional<double> doubted_since_, last_place_search_;
   Scan deskewed_;
+  mapping_common::Recent<InsertedScan> inserted_;
 
   Pose pose_ = Pose::Zero();                            // at the last stamp
   Eigen::Vector3d velocity_ = Eigen::Vector3d::Zero();  // in the frame of the body: m/s, m/s, rad/s

@@ -5,6 +5,7 @@
 #include <geometry_msgs/PoseWithCovarianceStamped.h>
 #include <intensity_hector_slam/ResetMapping.h>
 #include <mapping_common/arrivals.h>
+#include <mapping_common/corrected_maps.h>
 #include <mapping_common/laser_faults.h>
 #include <mapping_common/nodelet.h>
 #include <mapping_msgs/LoadMap.h>
@@ -34,6 +35,7 @@ namespace intensity_hector_slam {
 namespace {
 
 using mapping_common::Arrivals;
+using mapping_common::CorrectedMaps;
 using mapping_common::withoutSlash;
 
 // Why a scan gives no pose, beside what Arrivals does.
@@ -56,6 +58,9 @@ class SlamNodelet : public mapping_common::Nodelet {
   void report(const sensor_msgs::LaserScan& message, double time);
   void reportOdometry(bool there);
   void timeJumpedBack(const ros::Time& to);
+
+  CorrectedMaps::Prepare beginToCorrect(const CorrectedMaps::Map& corrected);
+  std::string correct(MultiMap&& map, const MapCorrection& correction, double until);
 
   void initialPose(const geometry_msgs::PoseWithCovarianceStamped& message);
   void systemCommand(const std_msgs::String& message);
@@ -84,6 +89,9 @@ class SlamNodelet : public mapping_common::Nodelet {
   std::unique_ptr<mapping_common::LaserFaults> laser_faults_;
   ScanCounts counts_;
   int reports_without_scan_ = 0;
+
+  std::unique_ptr<CorrectedMaps> corrected_maps_;
+  std::size_t map_number_ = 0;  // of maps that were loaded, or begun anew
 };
 
 SlamNodelet::~SlamNodelet() {
@@ -190,6 +198,9 @@ void SlamNodelet::listen() {
       [this](const sensor_msgs::LaserScan& message, const Arrivals::Transforms& transforms) {
         process(message, transforms);
       });
+  corrected_maps_ = std::make_unique<CorrectedMaps>(
+      node, guard(), getName(), p.map_frame,
+      [this](const CorrectedMaps::Map& corrected) { return beginToCorrect(corrected); });
   pose_subscriber_ = node.subscribe("initialpose", 2, &SlamNodelet::initialPose, this);
   command_subscriber_ = node.subscribe(p.sys_msg_topic, 2, &SlamNodelet::systemCommand, this);
   NODELET_INFO_STREAM("Scans of " << scan_subscriber_.getTopic() << " tell where " << p.base_frame
@@ -212,6 +223,9 @@ void SlamNodelet::process(const sensor_msgs::LaserScan& message, const Arrivals:
   const Scan scan = toScan(message, reading, transforms.message, parameters_.scan);
   laser_faults_->add(reading);
   if (static_cast<int>(scan.points.size()) >= parameters_.slam.min_points) last_scan_ = scan;
+  slam_->keepScans(corrected_maps_->isPublished()
+                       ? static_cast<std::size_t>(parameters_.corrected_map_memory * (1 << 20))
+                       : 0);
   std::optional<Pose> body;
   if (transforms.other) body = toPose(*transforms.other);
   if (parameters_.map_with_known_poses) {
@@ -279,10 +293,47 @@ void SlamNodelet::reportOdometry(bool there) {
 }
 
 // -----------------------------------------------------------------------------------------------------
+// corrected maps
+
+CorrectedMaps::Prepare SlamNodelet::beginToCorrect(const CorrectedMaps::Map& corrected) {
+  MapCorrection correction;
+  correction.stamp = corrected.stamp;
+  correction.correction = toPose(corrected.correction);
+  if (parameters_.map_with_known_poses) correction.corrected_from = corrected.corrected_from;
+  return [this, corrected, correction, number = map_number_, options = slam_->options().map,
+          scans = slam_->scansAfter(corrected.stamp)]() -> CorrectedMaps::Take {
+    MultiMap map = MultiMap::fromBytes(corrected.begin, corrected.end, "its data", options);
+    map.requireLike(options);
+    insertAll(scans, correction, map);
+    const double until = scans.empty() ? corrected.stamp : scans.back().stamp;
+    const auto shared = std::make_shared<MultiMap>(std::move(map));  // as std::function copies
+    return [this, shared, correction, until, number] {
+      if (number != map_number_) throw std::runtime_error("the map was reset or loaded meanwhile");
+      return correct(std::move(*shared), correction, until);
+    };
+  };
+}
+
+std::string SlamNodelet::correct(MultiMap&& map, const MapCorrection& correction, double until) {
+  const std::size_t scans = slam_->scansAfter(correction.stamp).size();
+  if (!slam_->keepsScansAfter(correction.stamp)) {
+    NODELET_WARN_STREAM("A corrected map lacks scans that came after "
+                        << correction.stamp
+                        << " s: those are kept only while somebody publishes it, in ~corrected_map_memory");
+  }
+  slam_->correct(std::move(map), correction, until);
+  publisher_->correct(ros::Time(correction.stamp), correction.correction);
+  std::ostringstream text;
+  text << scans << " scans were added. The pose moved by " << correction.correction.transpose();
+  return text.str();
+}
+
+// -----------------------------------------------------------------------------------------------------
 // commands
 
 void SlamNodelet::reset(const Pose& pose) {
   slam_->reset(pose);
+  ++map_number_;
   publisher_->restart();
 }
 
@@ -319,6 +370,7 @@ std::string SlamNodelet::describe(const Place& place) {
 
 std::string SlamNodelet::load(const std::string& path) {
   slam_->setMap(MultiMap::load(path, slam_->options().map), parameters_.start);
+  ++map_number_;
   const GridMap& map = slam_->map().level(0);
   std::ostringstream text;
   text << "Read a map of " << map.width() << " x " << map.height() << " cells of " << map.resolution()
@@ -359,6 +411,7 @@ void SlamNodelet::diagnoseMap(StatusWrapper& status) {
   status.add("Resolution (m)", map.resolution());
   status.add("Levels", slam_->map().levels());
   status.add("Updates", slam_->map().updates());
+  corrected_maps_->addTo(status);
 }
 
 }  // namespace intensity_hector_slam

@@ -50,6 +50,10 @@ void SlamParameters::describe(mapping_common::OptionList& o) {
     "true: where the body is in map_file at the start is sought in all of it, and scans are rejected until a "
     "place is "
     "sure; false: it is at start/x, start/y, start/yaw");
+  o("corrected_map_memory", corrected_map_memory, "MiB",
+    "while somebody publishes corrected_map: of the last scans that went into the map, which are put into a "
+    "corrected one where that lacks them; what exceeds this is lost then, with a warning")
+      .within(0.0, 1e5);
   o("save_on_shutdown", save_on_shutdown, "", "path that the map is written to at the end. Empty: don't");
   o("pub_map_odom_transform", pub_map_odom_transform, "", "tf map_frame -> odom_frame");
   o("pub_map_scanmatch_transform", pub_map_scanmatch_transform, "",

@@ -130,6 +130,13 @@ void SlamPublisher::restart() {
   last_without_odometry_.reset();
 }
 
+void SlamPublisher::correct(const ros::Time& stamp, const Pose& correction) {
+  key_poses_.correct(correction);
+  for (auto& pose : path_.poses)
+    if (pose.header.stamp > stamp) pose.pose = toMessage(compose(correction, toPose(pose.pose)));
+  published_updates_.reset();
+}
+
 std::optional<Pose> SlamPublisher::keyPoseAt(const ros::Time& stamp) const {
   if (path_.poses.empty()) return std::nullopt;
   const auto then =

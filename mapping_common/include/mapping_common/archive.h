@@ -126,12 +126,19 @@ class ArchiveReader {
 /// @throws std::runtime_error that names the file
 void writeArchive(const std::string& path, const ArchiveFormat& format,
                   const std::function<void(ArchiveWriter&)>& write);
+/// What is in such a file.
+std::string toArchive(const ArchiveFormat& format, const std::function<void(ArchiveWriter&)>& write);
 
 /// @param read has to read all
 /// @throws std::runtime_error that names the file and says what is wrong with it: not there, foreign, of
 /// another
 ///   version, truncated, corrupted, or what `read` throws
 void readArchive(const std::string& path, const ArchiveFormat& format,
+                 const std::function<void(ArchiveReader&)>& read);
+/// The same from memory.
+/// @param begin, end of what is in such a file
+/// @param name in messages, instead of a file's
+void readArchive(const char* begin, const char* end, const std::string& name, const ArchiveFormat& format,
                  const std::function<void(ArchiveReader&)>& read);
 
 }  // namespace mapping_common

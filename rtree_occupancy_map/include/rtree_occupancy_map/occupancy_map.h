@@ -16,6 +16,11 @@
 #include "rtree_occupancy_map/rtree.h"
 #include "rtree_occupancy_map/scan.h"
 
+namespace mapping_common {
+class ArchiveReader;
+class ArchiveWriter;
+}  // namespace mapping_common
+
 namespace rtree_occupancy_map {
 
 /// The edge in voxels of the blocks that the map is updated, fused and reported by; no cell crosses a block's
@@ -202,6 +207,11 @@ class OccupancyMap {
   /// @param machine options of which threads, working_set_memory and, where the file's sensor model allows
   /// it, decay_time are taken, which a file doesn't settle
   static OccupancyMap load(const std::string& path, const Options& machine = {});
+  /// What save() writes to a file that isn't a store, and the map of it.
+  std::string toBytes() const;
+  /// @param name in messages, instead of a file's
+  static OccupancyMap fromBytes(const char* begin, const char* end, const std::string& name,
+                                const Options& machine = {});
 
   // ---- rolling window ---------------------------------------------------------------------------
   // Blocks that are farther from the last scan's origin than a distance, and those used longest ago beyond a
@@ -222,6 +232,8 @@ class OccupancyMap {
   struct Insertion;
 
   static OccupancyMap openStore(const WindowOptions& window, const Options& machine, bool writes);
+  void write(mapping_common::ArchiveWriter& write) const;
+  static OccupancyMap read(mapping_common::ArchiveReader& read, const Options& machine);
   static OccupancyMap restore(const Options& options, std::vector<Cell> cells);
   // The tree was filled in another way than by scans.
   void startDecay();

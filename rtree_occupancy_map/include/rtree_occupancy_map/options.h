@@ -131,4 +131,9 @@ struct Options {
   }
 };
 
+/// Whether maps mean the same: all but what a machine settles (threads, working_set_memory, decay_time), the
+/// limits of the range and the seed, which only count for scans to come, and the R-tree's own options.
+/// @throws std::invalid_argument that names the first option that differs, and both values
+void requireLike(const Options& options, const Options& expected);
+
 }  // namespace rtree_occupancy_map

@@ -2,7 +2,9 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <cstddef>
+#include <utility>
 #include <vector>
 
 namespace rtree_occupancy_map {
@@ -18,6 +20,15 @@ struct Scan {
   /// fewer different ones follow each other, the better.
   std::vector<Eigen::Vector3f> hit_origins, miss_origins;
 };
+
+/// In another frame. @param transform to there
+inline Scan transformed(Scan scan, const Eigen::Isometry3d& transform) {
+  const Eigen::Isometry3f to = transform.cast<float>();
+  scan.origin = to * scan.origin;
+  for (auto* points : {&scan.hits, &scan.misses, &scan.hit_origins, &scan.miss_origins})
+    for (Eigen::Vector3f& point : *points) point = to * point;
+  return scan;
+}
 
 /// Takes the hits for which `is_meant(point)` is true out of a scan, with their beams. @return how many
 template <class IsMeant>

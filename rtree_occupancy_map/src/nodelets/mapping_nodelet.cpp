@@ -4,6 +4,7 @@
 // single-threaded callback queue but publishing, which has a thread of its own: those two share the map and
 // the publisher, which know of that, and publications_.
 #include <mapping_common/arrivals.h>
+#include <mapping_common/corrected_maps.h>
 #include <mapping_common/laser_faults.h>
 #include <mapping_common/nodelet.h>
 #include <mapping_msgs/LoadMap.h>
@@ -33,6 +34,7 @@
 
 #include "rtree_occupancy_map/robot_body.h"
 #include "rtree_occupancy_map/ros/cell_conversion.h"
+#include "rtree_occupancy_map/ros/map_correction.h"
 #include "rtree_occupancy_map/ros/map_formats.h"
 #include "rtree_occupancy_map/ros/map_publisher.h"
 #include "rtree_occupancy_map/ros/octomap_message.h"
@@ -42,6 +44,7 @@
 namespace rtree_occupancy_map {
 namespace {
 
+using mapping_common::CorrectedMaps;
 using mapping_common::SweepTimes;
 
 // Why a message is dropped, beside what mapping_common::Arrivals does.
@@ -95,24 +98,6 @@ void requireBox(const geometry_msgs::Point& min, const geometry_msgs::Point& max
   throw std::invalid_argument(text.str());
 }
 
-void castRay(const OccupancyMap& map, const CastRay::Request& request, CastRay::Response& response) {
-  const RayHit hit = map.castRay(toEigen(request.origin), toEigen(request.direction), request.max_range,
-                                 request.ignore_unknown);
-  response.point = toPoint(hit.point);
-  switch (hit.result) {
-    case RayHit::Result::kOccupied:
-      response.result = CastRay::Response::OCCUPIED;
-      response.cell = toMessage(map, hit.cell);
-      break;
-    case RayHit::Result::kUnknown:
-      response.result = CastRay::Response::UNKNOWN;
-      break;
-    case RayHit::Result::kNothing:
-      response.result = CastRay::Response::NOTHING;
-      break;
-  }
-}
-
 }  // namespace
 
 class MappingNodelet : public mapping_common::Nodelet {
@@ -138,6 +123,9 @@ class MappingNodelet : public mapping_common::Nodelet {
   void warnOfFrame(const std::string& cloud_frame);
 
   void startWindow();
+  void replace(OccupancyMap&& map);
+  CorrectedMaps::Prepare beginToCorrect(const CorrectedMaps::Map& corrected);
+  std::string correct(OccupancyMap&& map, const CorrectedMaps::Map& corrected, double until);
   std::string load(const std::string& path);
   void reconfigure(const MappingParameters& changed);
   void publish();
@@ -157,6 +145,9 @@ class MappingNodelet : public mapping_common::Nodelet {
   std::vector<ros::Subscriber> inputs_;
   std::map<std::string, mapping_common::LaserScans> laser_scans_;  // by their frame
   std::unique_ptr<mapping_common::LaserFaults> laser_faults_;
+  std::unique_ptr<CorrectedMaps> corrected_maps_;
+  RecentScans recent_scans_;
+  std::size_t map_number_ = 0;  // of maps that were loaded, or begun anew
 
   ros::WallTimer publish_timer_, flush_timer_;
   std::mutex publications_mutex_;
@@ -242,6 +233,9 @@ void MappingNodelet::listen() {
         true, sweepOf<sensor_msgs::PointCloud2>()));
   }
   laser_faults_ = std::make_unique<mapping_common::LaserFaults>(getName());
+  corrected_maps_ = std::make_unique<CorrectedMaps>(
+      getNodeHandle(), guard(), getName(), frame_id,
+      [this](const CorrectedMaps::Map& corrected) { return beginToCorrect(corrected); });
   inputs_.push_back(arrivals_->subscribe<sensor_msgs::LaserScan>(
       "scan", parameters_.queue_size, "Scans",
       [this](const sensor_msgs::LaserScan& scan, const Arrivals::Transforms& transforms) {
@@ -375,6 +369,45 @@ void MappingNodelet::insert(const Message& message, const mapping_common::Arriva
   points_.beyond_range += report.beyond_range;
   points_.outside += report.outside;
   points_outside_z_ += converted.outside_z;
+
+  recent_scans_.setMemory(corrected_maps_->isPublished()
+                              ? static_cast<std::size_t>(parameters_.corrected_map_memory * (1 << 20))
+                              : 0);
+  keep(std::move(scan), recent_scans_);
+}
+
+// -----------------------------------------------------------------------------------------------------
+// corrected maps
+
+CorrectedMaps::Prepare MappingNodelet::beginToCorrect(const CorrectedMaps::Map& corrected) {
+  const Options options = map_([](const OccupancyMap& map) { return map.options(); });
+  return [this, corrected, options, number = map_number_,
+          scans = recent_scans_.after(corrected.stamp)]() -> CorrectedMaps::Take {
+    OccupancyMap map = readCorrected(corrected, options);
+    insertAll(scans, corrected, map);
+    const double until = scans.empty() ? corrected.stamp : scans.back().stamp;
+    const auto shared = std::make_shared<OccupancyMap>(std::move(map));  // as std::function copies
+    return [this, shared, corrected, until, number] {
+      if (number != map_number_) throw std::runtime_error("the map was reset or loaded meanwhile");
+      return correct(std::move(*shared), corrected, until);
+    };
+  };
+}
+
+std::string MappingNodelet::correct(OccupancyMap&& map, const CorrectedMaps::Map& corrected, double until) {
+  insertAll(recent_scans_.after(until), corrected, map);
+  const std::size_t cells = map.size(), scans = recent_scans_.after(corrected.stamp).size();
+  replace(std::move(map));
+  publisher_->restart();
+  if (!recent_scans_.isComplete(corrected.stamp)) {
+    NODELET_WARN_STREAM("A corrected map lacks clouds or scans that came after "
+                        << corrected.stamp
+                        << " s: those are kept only while somebody publishes it, in ~corrected_map_memory");
+  }
+  correctAll(corrected, recent_scans_);
+  std::ostringstream text;
+  text << "It has " << cells << " cells; " << scans << " clouds and scans were added";
+  return text.str();
 }
 
 // -----------------------------------------------------------------------------------------------------
@@ -392,6 +425,8 @@ void MappingNodelet::offerServices() {
   ros::NodeHandle& node = getPrivateNodeHandle();
   serve<std_srvs::Empty>(node, "reset", [this](auto&, auto&) {
     map_([](OccupancyMap& map) { map.clear(); });
+    recent_scans_.clear();
+    ++map_number_;
     publisher_->restart();
   });
   serve<BoundingBoxQuery>(node, "clear_bbx", [this](const auto& request, auto&) {
@@ -464,6 +499,14 @@ std::string MappingNodelet::load(const std::string& path) {
   std::ostringstream text;
   text << "Read " << map.size() << " cells of a map of " << map.options().resolution << " m from " << path
        << ". What it was built with replaces the parameters";
+  replace(std::move(map));
+  recent_scans_.clear();
+  ++map_number_;
+  return text.str();
+}
+
+void MappingNodelet::replace(OccupancyMap&& map) {
+  const WindowOptions& window = parameters_.window;
   map_([&](OccupancyMap& current) {
     if (!window.file.empty()) {
       current = OccupancyMap(parameters_.map);  // nobody has the store open then
@@ -476,7 +519,6 @@ std::string MappingNodelet::load(const std::string& path) {
     }
     current = std::move(map);
   });
-  return text.str();
 }
 
 // --------------------------------------------------------------------------------------------- while it runs
@@ -544,6 +586,7 @@ void MappingNodelet::diagnoseMap(StatusWrapper& status) {
     status.addf("Memory (MiB)", "%.1f", static_cast<double>(map.memoryUsage()) / (1 << 20));
     status.add("Resolution (m)", map.options().resolution);
   });
+  corrected_maps_->addTo(status);
   status.addf("Insertion, mean (ms)", "%.2f", milliseconds(activity_.insertion_time, activity_.insertions));
   status.addf("Insertion, longest (ms)", "%.2f", 1e3 * activity_.longest_insertion);
   const std::lock_guard<std::mutex> lock(publications_mutex_);

@@ -27,6 +27,24 @@ MapCell toMessage(const OccupancyMap& map, const Cell& cell) {
   return message;
 }
 
+void castRay(const OccupancyMap& map, const CastRay::Request& request, CastRay::Response& response) {
+  const RayHit hit = map.castRay(toEigen(request.origin), toEigen(request.direction), request.max_range,
+                                 request.ignore_unknown);
+  response.point = toPoint(hit.point);
+  switch (hit.result) {
+    case RayHit::Result::kOccupied:
+      response.result = CastRay::Response::OCCUPIED;
+      response.cell = toMessage(map, hit.cell);
+      break;
+    case RayHit::Result::kUnknown:
+      response.result = CastRay::Response::UNKNOWN;
+      break;
+    case RayHit::Result::kNothing:
+      response.result = CastRay::Response::NOTHING;
+      break;
+  }
+}
+
 namespace {
 
 using Point = std::array<float, 8>;

@@ -35,6 +35,7 @@ struct SlamParameters {
   double map_pub_period = 2.0;
   std::string map_file, save_on_shutdown;
   bool relocalize_at_start = false;
+  double corrected_map_memory = 64.0;  ///< MiB
 
   void describe(mapping_common::OptionList& o);
 

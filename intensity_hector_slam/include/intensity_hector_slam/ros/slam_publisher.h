@@ -32,6 +32,8 @@ class SlamPublisher {
 
   /// Key poses so far don't connect to those that follow, and the map is another.
   void restart();
+  /// The map is another, which `correction` moves the poses to, of the path those later than the stamp.
+  void correct(const ros::Time& stamp, const Pose& correction);
   /// The key pose at that time, or the last before; none where there is no key pose.
   std::optional<Pose> keyPoseAt(const ros::Time& stamp) const;
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <geometry_msgs/Point.h>
+#include <rtree_occupancy_map/CastRay.h>
 #include <rtree_occupancy_map/MapCell.h>
 #include <rtree_occupancy_map/map_snapshot.h>
 #include <rtree_occupancy_map/occupancy_map.h>
@@ -21,6 +22,8 @@ Eigen::Vector3d toEigen(const Message& m) {
 }
 geometry_msgs::Point toPoint(const Eigen::Vector3d& p);
 MapCell toMessage(const OccupancyMap& map, const Cell& cell);
+/// Answers the service.
+void castRay(const OccupancyMap& map, const CastRay::Request& request, CastRay::Response& response);
 
 /// A cloud of the occupied cells' centres: float32 x y z, size_x size_y size_z (m), probability, reflectivity
 /// (NaN without). The header is left to the caller.

@@ -31,6 +31,7 @@ struct MappingParameters {
   double transform_timeout = 0.5;
   double transform_tolerance = 0.0;
   double publish_rate = 2.0;
+  double corrected_map_memory = 512.0;  ///< MiB
 
   void describe(mapping_common::OptionList& o) {
     o.section("the map");
@@ -41,6 +42,11 @@ struct MappingParameters {
     o("other_resolution", other_resolution, "", "what becomes of a file whose resolution isn't that below");
     o("save_on_shutdown", save_on_shutdown, "",
       "path that the map is written to at the end, unless it is empty. Empty: don't");
+    o("corrected_map_memory", corrected_map_memory, "MiB",
+      "while somebody publishes corrected_map: of the last clouds and scans that went into the map, which "
+      "are put "
+      "into a corrected one where that lacks them; what exceeds this is lost then, with a warning")
+        .within(0.0, 1e6);
     map.describe(o);
     o.group("window",
             "a rolling window around the sensor, so that a large map needs the memory of a small one",
