@@ -20,6 +20,8 @@ namespace {
 namespace slam = intensity_hector_slam;
 namespace rtree = rtree_occupancy_map;
 
+constexpr const char *kSlamPrefix = "slam/", *kOccupancyPrefix = "occupancy/";
+
 // All of a kind whose key poses are in the graph, with their poses. @return whether it came to the end
 bool visit(const Session& session, DataKind kind, const Graph& graph, const MapProgress& progress,
            const std::function<void(const KeyData&, const Pose&)>& work) {
@@ -91,6 +93,40 @@ struct VoxelHash {
 };
 
 }  // namespace
+
+void keepOptions(const MapBuildOptions& options, SessionWriter& writer) {
+  const auto keep = [&writer](const std::string& prefix, auto changed) {
+    decltype(changed) defaults;
+    mapping_common::OptionList list = mapping_common::optionsOf(defaults);
+    for (const auto& [option, section] : mapping_common::optionsOf(changed))
+      if (list.find(option.name())->get() != option.get())
+        writer.setSetting(prefix + option.name(), option.word());
+  };
+  keep(kSlamPrefix, options.slam);
+  keep(kOccupancyPrefix, options.occupancy);
+}
+
+MapBuildOptions mapOptions(const Session& session) {
+  MapBuildOptions options;
+  mapping_common::OptionList slam_list = mapping_common::optionsOf(options.slam),
+                             occupancy_list = mapping_common::optionsOf(options.occupancy);
+  for (const auto& [name, value] : session.settings()) {
+    for (const auto& [prefix, list] :
+         {std::pair(kSlamPrefix, &slam_list), std::pair(kOccupancyPrefix, &occupancy_list)}) {
+      const std::string begin = prefix;
+      if (name.compare(0, begin.size(), begin) != 0) continue;
+      try {
+        mapping_common::Option* option = list->find(name.substr(begin.size()));
+        if (option == nullptr) throw std::invalid_argument("this program doesn't know it");
+        option->parse(value);
+        option->check();
+      } catch (const std::invalid_argument& e) {
+        throw std::runtime_error(session.path() + ": its setting " + name + ": " + e.what());
+      }
+    }
+  }
+  return options;
+}
 
 std::optional<Pose> poseOf(const KeyData& data, const Graph& graph) {
   const auto node = graph.find(data.key_pose);

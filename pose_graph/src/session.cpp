@@ -24,6 +24,13 @@ Pose readPose(const Database::Use& row, int column) {
   return pose;
 }
 
+Matrix6 readInformation(const Database& database, const std::string& bytes) {
+  Matrix6 information;
+  if (bytes.size() != sizeof(information)) database.fail("it is corrupted: the information of an edge");
+  std::memcpy(information.data(), bytes.data(), sizeof(information));  // symmetric
+  return information;
+}
+
 // Names are the file's own, not the program's numbers.
 template <class Enum>
 Enum readName(const Database& database, const std::string& name) {
@@ -88,6 +95,19 @@ std::vector<KeyPose> Session::keyPoses() const {
   return key_poses;
 }
 
+std::vector<ForeignEdge> Session::foreignEdges() const {
+  std::vector<ForeignEdge> edges;
+  const auto select = database_->prepare(
+      "SELECT from_stamp, to_stamp, source, similarity, x, y, z, qx, qy, qz, qw, information"
+      " FROM foreign_edges ORDER BY id");
+  Database::Use row(*database_, select);
+  while (row.next()) {
+    edges.push_back({row.number(0), row.number(1), row.bytes(2), readPose(row, 4),
+                     readInformation(*database_, row.bytes(11)), row.real(3)});
+  }
+  return edges;
+}
+
 std::vector<SessionEdge> Session::edges() const {
   std::vector<SessionEdge> edges;
   const auto select = database_->prepare(
@@ -101,10 +121,7 @@ std::vector<SessionEdge> Session::edges() const {
     edge.state = readName<EdgeState>(*database_, row.bytes(4));
     edge.source = row.bytes(5);
     edge.similarity = row.real(6);
-    const std::string information = row.bytes(7);
-    if (information.size() != sizeof(edge.information))
-      database_->fail("it is corrupted: the information of edge " + std::to_string(edge.id));
-    std::memcpy(edge.information.data(), information.data(), sizeof(edge.information));  // symmetric
+    edge.information = readInformation(*database_, row.bytes(7));
     if (!row.isNull(8)) edge.transform = readPose(row, 8);
     edges.push_back(std::move(edge));
   }

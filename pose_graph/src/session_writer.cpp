@@ -10,8 +10,8 @@
 #include <cmath>
 #include <condition_variable>
 #include <cstring>
+#include <iterator>
 #include <mutex>
-#include <set>
 #include <stdexcept>
 #include <thread>
 #include <unordered_set>
@@ -70,13 +70,14 @@ struct Batch {
   std::map<std::int64_t, KeyPose> key_poses;
   std::map<std::int64_t, Pose> poses;  // of others
   std::map<std::int64_t, SessionEdge> edges;
+  std::vector<ForeignEdge> foreign_edges;
   std::vector<KeyData> data;
   std::size_t data_bytes = 0;
   Clock::time_point since;  // if it isn't empty
 
   bool isEmpty() const {
     return settings.empty() && runs.empty() && key_poses.empty() && poses.empty() && edges.empty() &&
-           data.empty();
+           foreign_edges.empty() && data.empty();
   }
   void set(std::int64_t id, const Pose& pose) {
     const auto key_pose = key_poses.find(id);
@@ -89,6 +90,7 @@ struct Batch {
     for (const auto& [id, key_pose] : later.key_poses) key_poses[id] = key_pose, poses.erase(id);
     for (const auto& [id, pose] : later.poses) set(id, pose);
     for (auto& [id, edge] : later.edges) edges[id] = std::move(edge);
+    std::move(later.foreign_edges.begin(), later.foreign_edges.end(), std::back_inserter(foreign_edges));
     std::move(later.data.begin(), later.data.end(), std::back_inserter(data));
     data_bytes += later.data_bytes;
   }
@@ -160,11 +162,13 @@ class SessionWriter::Implementation {
   void write(const Batch& batch);
   void writePoses(const Batch& batch);
   void writeEdge(const SessionEdge& edge);
+  void writeForeignEdge(const ForeignEdge& edge);
   void writeData(const KeyData& data);
 
   Lock lock_;
   Database database_;
-  Database::Statement put_setting_, put_run_, put_key_pose_, set_pose_, put_edge_, put_data_;
+  Database::Statement put_setting_, put_run_, put_key_pose_, set_pose_, put_edge_, put_foreign_edge_,
+      put_data_;
 
   Batch waiting_, writing_;  // the second changes hands without its content being looked at
   bool busy_ = false, hurries_ = false, ends_ = false;
@@ -200,6 +204,8 @@ SessionWriter::Implementation::Implementation(const std::string& path, bool plan
       "UPDATE key_poses SET x = ?, y = ?, z = ?, qx = ?, qy = ?, qz = ?, qw = ? WHERE id = ?");
   put_edge_ =
       database_.prepare("INSERT OR REPLACE INTO edges VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
+  put_foreign_edge_ =
+      database_.prepare("INSERT INTO foreign_edges VALUES(NULL, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
   put_data_ = database_.prepare("INSERT INTO data VALUES(NULL, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
   thread_ = std::thread([this] { work(); });
 }
@@ -270,6 +276,7 @@ void SessionWriter::Implementation::write(const Batch& batch) {
     (Database::Use(database_, put_run_) << run.id << run.stamp << run.name).next();
   writePoses(batch);
   for (const auto& [id, edge] : batch.edges) writeEdge(edge);
+  for (const ForeignEdge& edge : batch.foreign_edges) writeForeignEdge(edge);
   for (const KeyData& data : batch.data) writeData(data);
 }
 
@@ -297,6 +304,13 @@ void SessionWriter::Implementation::writeEdge(const SessionEdge& edge) {
   } else {
     for (int i = 0; i < 7; ++i) use.null();
   }
+  use.blob(edge.information.data(), sizeof(edge.information)).next();
+}
+
+void SessionWriter::Implementation::writeForeignEdge(const ForeignEdge& edge) {
+  Database::Use use(database_, put_foreign_edge_);
+  use << edge.from_stamp << edge.to_stamp << edge.source << edge.similarity;
+  bind(use, edge.transform);
   use.blob(edge.information.data(), sizeof(edge.information)).next();
 }
 
@@ -380,6 +394,15 @@ void SessionWriter::put(const SessionEdge& edge) {
     implementation_->next_edge_ = std::max(implementation_->next_edge_, e.id + 1);
     batch.edges[e.id] = std::move(e);
   });
+}
+
+void SessionWriter::put(const ForeignEdge& edge) {
+  SessionEdge like;
+  like.to = 1;
+  like.transform = edge.transform;
+  like.information = edge.information;
+  requireEdge(implementation_->planar_, like);
+  implementation_->take([&](Batch& batch) { batch.foreign_edges.push_back(edge); });
 }
 
 void SessionWriter::put(KeyData data) {

@@ -62,7 +62,7 @@ TEST_P(Tool, LeavesWrongLoopsOut) {
 TEST_F(Tool, SaysWhatIsWrong) {
   writeG2o(in_, rounds(true, 10, 5, 0.0, 1));
   EXPECT_EQ(2, run("optimize " + in_ + ' ' + out_));
-  EXPECT_TRUE(mentions(output(), {"'optimize' is none of info | optimise | export"}));
+  EXPECT_TRUE(mentions(output(), {"'optimize' is none of info | optimise | merge | export"}));
   EXPECT_EQ(2, run("optimise " + in_));
   EXPECT_TRUE(mentions(output(), {"optimise needs a file to write that ends in .g2o or .tum"}));
   EXPECT_EQ(2, run("optimise " + in_ + ' ' + out_ + " --tolerance 2"));

@@ -9,12 +9,16 @@
 #include <iostream>
 #include <set>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "pose_graph/g2o_file.h"
 #include "pose_graph/initialisation.h"
 #include "pose_graph/loop_check.h"
 #include "pose_graph/optimisation.h"
+#include "pose_graph/session.h"
 #include "pose_graph/trajectory_file.h"
+#include "session_commands.h"
 
 namespace po = boost::program_options;
 
@@ -25,22 +29,51 @@ using pose_graph::LoopCheck;
 using pose_graph::Start;
 
 const char kUsage[] =
-    "Usage: pose_graph info GRAPH.g2o\n"
+    "Usage: pose_graph info FILE\n"
     "       pose_graph optimise GRAPH.g2o OUT.g2o|OUT.tum [options]\n"
-    "       pose_graph export GRAPH.g2o OUT.g2o|OUT.tum\n"
+    "       pose_graph optimise SESSION [OUT] [options]\n"
+    "       pose_graph merge SESSION... -o OUT [options]\n"
+    "       pose_graph export FILE OUT\n"
     "\n"
-    "Says what is in a pose graph in g2o's format, moves its poses to where chi2 is least, or writes it "
-    "anew, or\n"
-    "its poses alone as a trajectory in TUM's format.\n";
+    "Says what is in a pose graph in g2o's format or in a session, moves its poses to where chi2 is least, "
+    "merges\n"
+    "sessions, or writes the graph (.g2o), the poses (.tum), and of a session a 2D map (.pgm with .yaml), "
+    "the clouds\n"
+    "(.pcd) or the R-tree map (.map, .db). What a file is its content tells.\n";
 
 struct Arguments {
-  std::string command, in, out;
+  std::string command, out;
+  std::vector<std::string> files;
+  bool session = false;
+  double resolution = 0.0, voxel = 0.0;
   Start start = Start::kBest;
   pose_graph::LoopCheckOptions options;
 };
 
 bool endsWith(const std::string& text, const std::string& end) {
   return text.size() > end.size() && text.compare(text.size() - end.size(), end.size(), end) == 0;
+}
+
+// Which files a command takes depends on what is in the first.
+void checkFiles(Arguments& a) {
+  if (a.command != "info" && a.command != "optimise" && a.command != "merge" && a.command != "export")
+    throw po::error('\'' + a.command + "' is none of info | optimise | merge | export");
+  if (a.command == "merge") {
+    if (a.out.empty()) throw po::error("merge needs a file to write: -o FILE");
+    return;
+  }
+  if (!a.out.empty()) throw po::error("-o is for merge: " + a.command + " has its output after its input");
+  a.session = pose_graph::isSession(a.files.front());
+  if (a.files.size() > 2) throw po::error(a.command + " takes two files at most");
+  if (a.files.size() == 2) a.out = a.files[1];
+  if (a.command == "info" && !a.out.empty()) throw po::error("info writes no file");
+  if (a.command == "info") return;
+  if (!a.session && !endsWith(a.out, ".g2o") && !endsWith(a.out, ".tum"))
+    throw po::error(a.command + " needs a file to write that ends in .g2o or .tum");
+  if (a.session && a.command == "export" && !pose_graph::isExport(a.out))
+    throw po::error(std::string("export needs a file to write that ends in ") + pose_graph::kExports);
+  for (const auto& [name, value] : {std::pair("resolution", a.resolution), std::pair("voxel", a.voxel)})
+    if (!(value >= 0.0)) throw po::error(std::string("--") + name + " must be 0 or more");
 }
 
 /// False if help was asked for and printed. Throws po::error for wrong usage.
@@ -64,20 +97,20 @@ bool parse(int argc, char** argv, Arguments& a) {
       "OUT.g2o");
   add("confidence", po::value(&a.options.confidence)->default_value(a.options.confidence),
       "share of right loops that is accepted, if their information is right");
+  add("output,o", po::value(&a.out), "the file that merge writes");
+  add("resolution", po::value(&a.resolution)->default_value(0.0, "that of the session"),
+      "m, of the maps that export makes of a session");
+  add("voxel", po::value(&a.voxel)->default_value(0.0, "all points"),
+      "m: export to .pcd writes the mean of the points in each cube with this edge");
   auto add_unnamed = unnamed.add_options();
   add_unnamed("command", po::value(&a.command)->required(), "");
-  add_unnamed("in", po::value(&a.in)->required(), "");
-  add_unnamed("out", po::value(&a.out), "");
+  add_unnamed("files", po::value(&a.files)->required()->composing(), "");
   const auto given = mapping_common::parseArguments(argc, argv, kUsage, options, unnamed);
   if (!given) return false;
   a.start = mapping_common::valueOf<Start>((*given)["start"].as<std::string>());
   a.options.method = mapping_common::valueOf<LoopCheck>((*given)["loop-check"].as<std::string>());
   mapping_common::validate(a.options, "--");
-  if (a.command != "info" && a.command != "optimise" && a.command != "export")
-    throw po::error('\'' + a.command + "' is none of info | optimise | export");
-  if (a.command == "info" && !a.out.empty()) throw po::error("info writes no file");
-  if (a.command != "info" && !endsWith(a.out, ".g2o") && !endsWith(a.out, ".tum"))
-    throw po::error(a.command + " needs a file to write that ends in .g2o or .tum");
+  checkFiles(a);
   return true;
 }
 
@@ -104,18 +137,33 @@ void write(const std::string& path, const Graph& graph) {
   std::cerr << "pose_graph: " << graph.nodes().size() << " poses -> " << path << '\n';
 }
 
+void runOnSessions(const Arguments& a) {
+  pose_graph::SessionArguments session;
+  session.in = a.files.front();
+  session.out = a.out;
+  session.check = a.options;
+  session.resolution = a.resolution;
+  session.voxel = a.voxel;
+  if (a.command == "info") pose_graph::printSession(session.in);
+  if (a.command == "optimise") pose_graph::optimiseSession(session);
+  if (a.command == "export") pose_graph::exportSession(session);
+  if (a.command == "merge") pose_graph::mergeSessionFiles(a.files, session);
+}
+
 void run(const Arguments& a) {
-  pose_graph::G2oFile file = pose_graph::readG2o(a.in);
   std::cout.precision(10);
+  std::cerr.precision(10);
+  if (a.session || a.command == "merge") return runOnSessions(a);
+  const std::string& in = a.files.front();
+  pose_graph::G2oFile file = pose_graph::readG2o(in);
   if (a.command == "info") print(file.graph, file.has_poses);
   if (a.command == "export") {
-    if (!file.has_poses) throw std::runtime_error(a.in + " has no poses; 'optimise' gives it some");
+    if (!file.has_poses) throw std::runtime_error(in + " has no poses; 'optimise' gives it some");
     write(a.out, file.graph);
   }
   if (a.command != "optimise") return;
   if (a.start == Start::kPoses && !file.has_poses)
-    throw std::runtime_error(a.in + " has no poses to start from");
-  std::cerr.precision(10);
+    throw std::runtime_error(in + " has no poses to start from");
   const auto progress = [](int iteration, double chi2) {
     std::cerr << "\rpose_graph: iteration " << iteration << ", chi2 " << chi2 << "          " << std::flush;
     return true;

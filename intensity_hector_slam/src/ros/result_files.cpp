@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "intensity_hector_slam/ros/result_files.h"
 
+#include <intensity_hector_slam/map_image.h>
 #include <mapping_common/files.h>
-#include <mapping_common/map_image.h>
 
 #include <algorithm>
 #include <cstdio>
@@ -20,11 +20,6 @@ void writePose(std::ostream& out, double stamp, const Pose& pose) {
   std::snprintf(line, sizeof(line), "%.9f %.9f %.9f 0 0 0 %.12f %.12f\n", stamp, pose.x(), pose.y(),
                 std::sin(0.5 * pose.z()), std::cos(0.5 * pose.z()));
   out << line;
-}
-
-Eigen::AlignedBox2i shownCells(const GridMap& map) {
-  const Eigen::AlignedBox2i known = map.knownCells();
-  return known.isEmpty() ? Eigen::AlignedBox2i(Eigen::Vector2i(0, 0), Eigen::Vector2i(0, 0)) : known;
 }
 
 // Of the cells shown, the topmost row first.
@@ -74,21 +69,7 @@ void writeG2o(const std::string& path, const std::vector<Edge>& edges) {
 }
 
 void writeOccupancy(const std::string& directory, const GridMap& map) {
-  using mapping_common::MapImage;
-  const cv::Mat_<std::uint8_t> drawn = draw<std::uint8_t>(map, [&map](int x, int y) -> std::uint8_t {
-    const GridMap::Cell& cell = map.cell(x, y);
-    if (!GridMap::isKnown(cell)) return MapImage::kUnknown;
-    return GridMap::isOccupied(cell) ? MapImage::kOccupied : MapImage::kFree;
-  });
-  const Eigen::Vector2d origin = map.origin() + map.resolution() * shownCells(map).min().cast<double>();
-  MapImage image;
-  image.width = drawn.cols;
-  image.height = drawn.rows;
-  image.resolution = map.resolution();
-  image.origin_x = origin.x();
-  image.origin_y = origin.y();
-  image.pixels.assign(drawn.begin(), drawn.end());
-  mapping_common::writeMapImage(directory + "/map.pgm", image);
+  mapping_common::writeMapImage(directory + "/map.pgm", imageOf(map));
 }
 
 void writeReflectivity(const std::string& path, const GridMap& map) {

@@ -31,6 +31,18 @@ rtree_occupancy_map::Scan toCloud(const KeyData& data);
 /// The pose of the data's frame in the map. @return none where the graph hasn't got the key pose
 std::optional<Pose> poseOf(const KeyData& data, const Graph& graph);
 
+/// What maps are made with.
+struct MapBuildOptions {
+  intensity_hector_slam::SlamOptions slam;
+  rtree_occupancy_map::Options occupancy;
+};
+/// Keeps what differs from the defaults in a session's settings, by the options' names after "slam/" and
+/// "occupancy/".
+void keepOptions(const MapBuildOptions& options, SessionWriter& writer);
+/// What was kept.
+/// @throws std::runtime_error that names the file and the setting that won't do
+MapBuildOptions mapOptions(const Session& session);
+
 /// Is told the share that is done, 0 to 1, after each scan or cloud; false ends the work.
 using MapProgress = std::function<bool(double share)>;
 

@@ -48,6 +48,15 @@ struct SessionEdge {
   double similarity = 0.0;                    ///< 0 to 1
 };
 
+/// A PLACE edge to a pose of a session in another file, known by its stamp, which merging finds it by.
+struct ForeignEdge {
+  std::int64_t from_stamp = 0, to_stamp = 0;
+  std::string source;
+  Pose transform;  ///< of the body at to_stamp, seen from where it was at from_stamp
+  Matrix6 information = Matrix6::Identity();  ///< as Edge's
+  double similarity = 0.0;                    ///< 0 to 1
+};
+
 enum class DataKind { kScan = 1, kCloud, kThumbnail, kWords };
 constexpr auto choicesOf(DataKind) {
   return mapping_common::choices<DataKind>({{"scan", DataKind::kScan},
@@ -84,9 +93,10 @@ class Session {
   bool planar() const;
   /// Names and values that whoever writes may keep with it, such as the options of maps.
   std::map<std::string, std::string> settings() const;
-  std::vector<Run> runs() const;           ///< in the order of their ids
-  std::vector<KeyPose> keyPoses() const;   ///< in the order of their ids
-  std::vector<SessionEdge> edges() const;  ///< in the order of their ids
+  std::vector<Run> runs() const;                  ///< in the order of their ids
+  std::vector<KeyPose> keyPoses() const;          ///< in the order of their ids
+  std::vector<SessionEdge> edges() const;         ///< in the order of their ids
+  std::vector<ForeignEdge> foreignEdges() const;  ///< in the order in which they came
   /// Those of the kind in the order of their stamps, until `visit` returns false.
   void visitData(DataKind kind, const std::function<bool(KeyData&&)>& visit) const;
   /// Those of a key pose and kind in the order of their stamps.
@@ -139,6 +149,8 @@ class SessionWriter {
   void put(const KeyPose& key_pose);
   /// Adds it, or replaces that of the same id.
   void put(const SessionEdge& edge);
+  /// Adds it.
+  void put(const ForeignEdge& edge);
   /// Adds it, where there is memory for it. Whoever writes more at once than that waits by flush().
   void put(KeyData data);
   /// Poses as they were optimised, by the ids of their key poses.
