@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "mapping_common/parameters.h"
 
+#include <algorithm>
+
 namespace mapping_common {
 
 using XmlRpc::XmlRpcValue;
@@ -18,6 +20,17 @@ OptionValue joined(XmlRpcValue& list) {
 }
 
 }  // namespace
+
+std::vector<std::string> listOf(const std::string& text) {
+  std::vector<std::string> words;
+  for (std::size_t at = 0; (at = text.find_first_not_of(" \t\n,;", at)) != std::string::npos;) {
+    const std::size_t end = std::min(text.find_first_of(" \t\n,;", at), text.size());
+    const std::string word = text.substr(at, end - at);
+    if (std::find(words.begin(), words.end(), word) == words.end()) words.push_back(word);
+    at = end;
+  }
+  return words;
+}
 
 Parameters::Parameters(XmlRpcValue all) {
   if (all.getType() == XmlRpcValue::TypeStruct) flatten("", all);

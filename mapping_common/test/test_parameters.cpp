@@ -83,5 +83,10 @@ TEST(Parameters, AreRejectedByName) {
             rejection(all));
 }
 
+TEST(Parameters, ListsAreWords) {
+  EXPECT_EQ((std::vector<std::string>{"edges", "/slam/loops", "a"}), listOf(" edges,/slam/loops; a  edges"));
+  EXPECT_TRUE(listOf(" ;, ").empty());
+}
+
 }  // namespace
 }  // namespace mapping_common

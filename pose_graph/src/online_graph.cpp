@@ -74,6 +74,29 @@ OnlineGraph::~OnlineGraph() = default;
 OnlineGraph::OnlineGraph(OnlineGraph&&) noexcept = default;
 OnlineGraph& OnlineGraph::operator=(OnlineGraph&&) noexcept = default;
 
+void OnlineGraph::restore(const Graph& graph, const std::vector<EdgeRecord>& records) {
+  if (!graph_.nodes().empty()) throw std::invalid_argument("the graph isn't empty");
+  if (graph.planar() != options_.planar)
+    throw std::invalid_argument(std::string("the graph is in ") + (graph.planar() ? "the plane" : "space"));
+  for (const Node& node : graph.nodes()) {
+    next_id_ = node.id;
+    graph_.setFixed(addNode(node.stamp, node.pose), node.fixed);
+  }
+  next_id_ = 0;
+  for (const Node& node : graph.nodes()) next_id_ = std::max(next_id_, node.id + 1);
+  for (std::size_t e = 0; e < records.size(); ++e) {
+    const EdgeRecord& r = records[e];
+    const Edge& edge = graph.edges()[e];
+    if (chain_source_.empty() && edge.type == EdgeType::kConsecutive) chain_source_ = r.source;
+    addEdge(edge,
+            {r.from_stamp, r.to_stamp, edge.type, edge.transform, edge.information, r.source, r.trusted});
+    records_.back().state = r.state;
+    seen_.emplace(r.from_stamp, std::pair(r.to_stamp, r.source));
+  }
+  rebuildChains();
+  resetParts(records_.size());
+}
+
 // ------------------------------------------------------------------------------------------------ what comes
 
 OnlineGraph::Added OnlineGraph::add(const Measurement& measurement) {
@@ -88,7 +111,8 @@ OnlineGraph::Added OnlineGraph::add(const Measurement& measurement) {
   if (const auto added = tryToAttach(m)) return *added;
   if (waiting_.size() >= static_cast<std::size_t>(options_.most_waiting)) {
     const Measurement& oldest = waiting_.front().measurement;
-    events_.push_back({GraphEvent::Kind::kCrowded, oldest.from_stamp, oldest.to_stamp, oldest.source, 0.0});
+    events_.push_back(
+        {GraphEvent::Kind::kCrowded, oldest.from_stamp, oldest.to_stamp, oldest.source, 0.0, oldest});
     waiting_.pop_front();
   }
   waiting_.push_back({m, now_});
@@ -106,7 +130,7 @@ bool OnlineGraph::isDoubled(const Measurement& m) const {
 void OnlineGraph::addFrontEndPose(std::int64_t stamp, const Pose& pose) {
   checkTransform(pose, "a pose of the front end");
   if (!trajectory_.add(stamp, pose)) return;
-  if (graph_.nodes().size() == 1 && nodes_.count(stamp) > 0) updateCorrection();
+  placeStart();
   timePassed(stamp);
 }
 
@@ -116,6 +140,7 @@ std::size_t OnlineGraph::beginNewRun() {
   nodes_.clear();
   seen_.clear();
   trajectory_.clear();
+  start_.reset();
   now_ = last_retry_ = 0;
   return waited;
 }
@@ -134,7 +159,7 @@ void OnlineGraph::retryWaiting() {
     const Measurement& m = waiting.measurement;
     if (waiting.since == 0) waiting.since = now_;
     if (now_ - waiting.since > nanoseconds(options_.wait))
-      events_.push_back({GraphEvent::Kind::kExpired, m.from_stamp, m.to_stamp, m.source, 0.0});
+      events_.push_back({GraphEvent::Kind::kExpired, m.from_stamp, m.to_stamp, m.source, 0.0, m});
     else
       waiting_.push_back(std::move(waiting));
   }
@@ -151,8 +176,11 @@ void OnlineGraph::addConsecutive(const Measurement& m) {
     else if (!graph_.nodes().empty())
       start = graph_.nodes().back().pose;
     if (!graph_.nodes().empty())
-      events_.push_back({GraphEvent::Kind::kNewPart, m.from_stamp, m.to_stamp, m.source, 0.0});
+      events_.push_back({GraphEvent::Kind::kNewPart, m.from_stamp, m.to_stamp, m.source, 0.0, {}});
+    const Pose correction = correction_;
     from = addNode(m.from_stamp, start);
+    start_.reset();
+    if (!front_end) start_ = Start{*from, correction};
   }
   if (!from) from = addNode(m.from_stamp, graph_.nodes()[*to].pose * m.transform.inverse());
   if (!to) to = addNode(m.to_stamp, graph_.nodes()[*from].pose * m.transform);
@@ -168,8 +196,7 @@ void OnlineGraph::addConsecutive(const Measurement& m) {
 }
 
 std::size_t OnlineGraph::addNode(std::int64_t stamp, const Pose& pose) {
-  const std::size_t node =
-      graph_.addNode({static_cast<std::int64_t>(graph_.nodes().size()), stamp, pose, false});
+  const std::size_t node = graph_.addNode({next_id_++, stamp, pose, false});
   nodes_[stamp] = node;
   chain_poses_.emplace_back();
   chain_poses_.back().chain = chains_.size();
@@ -263,6 +290,13 @@ std::optional<OnlineGraph::Attachment> OnlineGraph::attach(std::int64_t stamp) c
     return attachment(after->second, *from_after, first, first);
   }
   return std::nullopt;
+}
+
+std::optional<Matrix6> OnlineGraph::drift(std::size_t from, std::size_t to) const {
+  const ChainPose &a = chain_poses_[from], &b = chain_poses_[to];
+  if (a.chain != b.chain || a.position > b.position) return std::nullopt;
+  const Matrix6 to_body = adjoint(b.pose.inverse());
+  return to_body * (b.covariance - a.covariance) * to_body.transpose();
 }
 
 std::optional<Pose> OnlineGraph::poseAt(std::int64_t stamp) const {
@@ -397,12 +431,27 @@ void OnlineGraph::place(std::size_t edge) {
   if (part_sizes_[moves] == 1) {
     graph_.setPose(end, there);
   } else {
-    const Pose motion = there * graph_.nodes()[end].pose.inverse();
-    for (std::size_t i = 0; i < part_.size(); ++i)
-      if (partOf(i) == moves) graph_.setPose(i, motion * graph_.nodes()[i].pose);
+    movePart(moves, there * graph_.nodes()[end].pose.inverse());
   }
   part_[moves] = stays;
   part_sizes_[stays] += part_sizes_[moves];
+}
+
+void OnlineGraph::movePart(std::size_t part, const Pose& motion) {
+  for (std::size_t i = 0; i < part_.size(); ++i)
+    if (partOf(i) == part) graph_.setPose(i, motion * graph_.nodes()[i].pose);
+}
+
+// The front end's pose may come after the edge that begins a part.
+void OnlineGraph::placeStart() {
+  if (!start_ || optimising_) return;
+  const Node& node = graph_.nodes()[start_->node];
+  if (const auto front_end = trajectory_.at(node.stamp)) {
+    if (partOf(start_->node) == start_->node)
+      movePart(start_->node, start_->correction * *front_end * node.pose.inverse());
+    start_.reset();
+    updateCorrection();
+  }
 }
 
 // As the first edges connect them, without moving any.
@@ -482,7 +531,7 @@ void OnlineGraph::finish(GraphOptimisation&& done) {
 
 void OnlineGraph::say(GraphEvent::Kind kind, std::size_t edge) {
   const EdgeRecord& r = records_[edge];
-  events_.push_back({kind, r.from_stamp, r.to_stamp, r.source, graph_.chi2(edge)});
+  events_.push_back({kind, r.from_stamp, r.to_stamp, r.source, graph_.chi2(edge), {}});
 }
 
 std::vector<GraphEvent> OnlineGraph::takeEvents() {

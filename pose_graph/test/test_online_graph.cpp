@@ -95,6 +95,21 @@ TEST_P(OnlineGraphs, GrowsByOdometry) {
   EXPECT_FALSE(graph_.find(stamp(50.5)));
 }
 
+TEST_P(OnlineGraphs, BeginsWhereTheFrontEndIs) {
+  const Pose there = planarPose(3.0, 4.0, 1.0);
+  for (const bool late : {false, true}) {
+    reset();
+    if (!late) graph_.addFrontEndPose(stamp(0), there);
+    drive(0, 3);
+    if (late) graph_.addFrontEndPose(stamp(0), there);
+    EXPECT_LT((there.inverse() * graph_.graph().nodes()[0].pose).translation.norm(), 1e-9);
+    EXPECT_GT((there.inverse() * graph_.graph().nodes()[3].pose).translation.norm(), 0.5);
+    Pose pose = there;
+    for (int i = 1; i <= 3; ++i) pose = pose * edgeTo(i, EdgeType::kConsecutive).transform;
+    EXPECT_LT((pose.inverse() * graph_.graph().nodes()[3].pose).translation.norm(), 1e-9);
+  }
+}
+
 TEST_P(OnlineGraphs, LoopsLeadToTheOptimum) {
   std::size_t accepted = 0;
   for (std::size_t i = 1; i < kPoses; ++i) {

@@ -9,6 +9,10 @@
 
 namespace mapping_common {
 
+/// Words with spaces, commas or semicolons between them: what a list of strings is as an option's value.
+/// Each once, in their order.
+std::vector<std::string> listOf(const std::string& text);
+
 /// The private parameters of a node.
 class Parameters {
  public:

@@ -74,7 +74,8 @@ struct GraphEvent {
   Kind kind;
   std::int64_t from_stamp = 0, to_stamp = 0;  ///< ns
   std::string source;
-  double chi2 = 0.0;  ///< of the loop's own error
+  double chi2 = 0.0;                                      ///< of the loop's own error
+  std::optional<Measurement> measurement = std::nullopt;  ///< of one that waited in vain
 };
 constexpr auto choicesOf(GraphEvent::Kind) {
   using Kind = GraphEvent::Kind;
@@ -140,6 +141,11 @@ class OnlineGraph {
   OnlineGraph(OnlineGraph&&) noexcept;
   OnlineGraph& operator=(OnlineGraph&&) noexcept;
 
+  /// Goes on with a graph that there was: nodes with their ids and stamps, and edges whose records these are.
+  /// Its edges wait for stamps of its nodes alone.
+  /// @throws std::invalid_argument if it isn't planar as this one is, or something was added before
+  void restore(const Graph& graph, const std::vector<EdgeRecord>& records);
+
   enum class Added {
     kNow,
     kWaits,    ///< for its stamps
@@ -171,16 +177,27 @@ class OnlineGraph {
   /// Whether begin() would give something.
   bool hasWork() const { return !new_loops_.empty() || !changed_.empty(); }
 
+  /// Ids of nodes follow one another.
   const Graph& graph() const { return graph_; }
   /// By edge of graph().
   const std::vector<EdgeRecord>& records() const { return records_; }
   /// The key pose at a time, to within stamp_tolerance.
   std::optional<std::size_t> find(std::int64_t stamp) const;
+  struct Attachment {
+    std::size_t node;
+    Pose offset;         ///< of the body at the stamp, seen from the node
+    Matrix6 covariance;  ///< of the offset's error
+  };
+  /// A key pose near a stamp, and by the front end's trajectory where the body was then.
+  std::optional<Attachment> attach(std::int64_t stamp) const;
+  /// Covariance of odometry from one node to a later one of the same chain, of the error seen from the later.
+  std::optional<Matrix6> drift(std::size_t from, std::size_t to) const;
   /// Where the body was, by the graph, and by the front end's trajectory between its key poses.
   std::optional<Pose> poseAt(std::int64_t stamp) const;
   /// Moves the front end's poses to where the graph has them, at the last key pose with a pose of the front
   /// end.
-  Pose correction() const { return correction_; }
+  const Pose& correction() const { return correction_; }
+  const Trajectory& frontEnd() const { return trajectory_; }
 
   std::vector<GraphEvent> takeEvents();
   /// Edges that aren't consecutive, by EdgeState.
@@ -189,18 +206,12 @@ class OnlineGraph {
   std::size_t parts() const;
 
  private:
-  struct Attachment {
-    std::size_t node;
-    Pose offset;  // of the body at the stamp, seen from the node
-    Matrix6 covariance;
-  };
   struct Waiting {
     Measurement measurement;
     std::int64_t since;  // ns; 0: from the first stamp on
   };
 
   bool isDoubled(const Measurement& m) const;
-  std::optional<Attachment> attach(std::int64_t stamp) const;
   std::optional<Added> tryToAttach(const Measurement& m);
   void addConsecutive(const Measurement& m);
   std::size_t addNode(std::int64_t stamp, const Pose& pose);
@@ -211,6 +222,8 @@ class OnlineGraph {
   std::size_t partOf(std::size_t node) const;
   void rebuildChains();
   void updateShifts();
+  void movePart(std::size_t part, const Pose& motion);
+  void placeStart();
   void updateCorrection();
   void timePassed(std::int64_t stamp);
   void retryWaiting();
@@ -229,7 +242,13 @@ class OnlineGraph {
   std::multimap<std::int64_t, std::pair<std::int64_t, std::string>> seen_;  // edges of this run
   Trajectory trajectory_;
   Pose correction_;
+  struct Start {
+    std::size_t node;  // first of a part
+    Pose correction;
+  };
+  std::optional<Start> start_;  // whose pose the front end hasn't told yet
   std::deque<Waiting> waiting_;
+  std::int64_t next_id_ = 0;
   std::int64_t now_ = 0, last_retry_ = 0;  // the latest stamp; when waiting ones were looked at
   std::vector<std::size_t> new_loops_, changed_;
   std::vector<GraphEvent> events_;

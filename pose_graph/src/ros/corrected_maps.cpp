@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "pose_graph/ros/corrected_maps.h"
+
+#include <intensity_hector_slam/ros/parameters.h>
+#include <mapping_common/files.h>
+#include <mapping_msgs/CorrectedMap.h>
+#include <rtree_occupancy_map/ros/parameters.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <sstream>
+#include <stdexcept>
+#include <utility>
+
+#include "../worker.h"
+#include "pose_graph/maps.h"
+#include "pose_graph/ros/conversions.h"
+
+namespace pose_graph {
+namespace {
+
+// A map as its save_map writes it.
+template <class Map>
+std::vector<std::uint8_t> fileOf(const Map& map) {
+  const std::string path = temporaryPath();
+  map.save(path);
+  const std::string bytes = mapping_common::readFile(path);
+  std::filesystem::remove(path);
+  return {bytes.begin(), bytes.end()};
+}
+
+}  // namespace
+
+std::string temporaryPath() {
+  std::string path = (std::filesystem::temp_directory_path() / "pose_graph_XXXXXX").string();
+  const int file = mkstemp(path.data());
+  if (file < 0) throw std::runtime_error("can't make " + path);
+  close(file);
+  std::filesystem::remove(path);
+  return path;
+}
+
+CorrectedMaps::CorrectedMaps(ros::NodeHandle& node, const PoseGraphParameters& parameters)
+    : node_(node),
+      parameters_(parameters),
+      grid_(node.advertise<mapping_msgs::CorrectedMap>("corrected_map", 1)),
+      cells_(node.advertise<mapping_msgs::CorrectedMap>("corrected_cloud_map", 1)),
+      worker_(std::make_unique<Worker>()) {}
+CorrectedMaps::~CorrectedMaps() = default;
+
+void CorrectedMaps::restart() {
+  ++generation_;
+  poses_.clear();
+}
+
+std::string CorrectedMaps::update(const OnlineGraph& graph, const std::shared_ptr<GraphKeeper>& keeper) {
+  const auto& nodes = graph.graph().nodes();
+  for (std::size_t i = poses_.size(); i < nodes.size(); ++i) poses_.push_back(nodes[i].pose);
+  worker_->finish();
+  std::string text;
+  if (const auto made = std::move(made_)) {
+    text = made->error;
+    if (text.empty()) {
+      for (const Made::Map& map : made->maps) publish(graph, *made, map);
+      for (std::size_t i = 0; i < nodes.size(); ++i)
+        poses_[i] = i < made->poses.size() ? made->poses[i] : nodes[i].pose;
+      std::ostringstream said;
+      said << made->maps.size() << " maps along " << made->poses.size() << " key poses in " << made->seconds
+           << " s";
+      last_ = said.str();
+      text = "Made anew: " + last_;
+    }
+  }
+  if ((parameters_.rebuild_map || parameters_.rebuild_cloud_map) && worker_->isIdle() &&
+      !graph.isOptimising() && !graph.hasWork() &&
+      ros::WallTime::now() - begun_ > ros::WallDuration(parameters_.rebuild_period))
+    begin(graph, keeper);
+  return text;
+}
+
+void CorrectedMaps::begin(const OnlineGraph& graph, const std::shared_ptr<GraphKeeper>& keeper) {
+  const auto& nodes = graph.graph().nodes();
+  double farthest = 0.0;
+  for (std::size_t i = 0; i < nodes.size(); ++i)
+    farthest = std::max(farthest, (nodes[i].pose.translation - poses_[i].translation).norm());
+  if (farthest <= parameters_.rebuild_distance) return;
+  begun_ = ros::WallTime::now();
+  auto copy = std::make_shared<Graph>(graph.graph().planar());
+  auto made = std::make_shared<Made>();
+  for (const Node& node : nodes) {
+    copy->addNode(node);
+    made->poses.push_back(node.pose);
+  }
+  const auto grid = parametersOf<intensity_hector_slam::SlamParameters>(node_, parameters_.slam).slam;
+  const auto cells = parametersOf<rtree_occupancy_map::MappingParameters>(node_, parameters_.mapping).map;
+  worker_->post([this, worker = worker_.get(), copy, made, keeper, grid, cells,
+                 with_grid = parameters_.rebuild_map, with_cells = parameters_.rebuild_cloud_map,
+                 generation = generation_]() -> Worker::Work {
+    const ros::WallTime start = ros::WallTime::now();
+    const auto goes_on = [worker](double) { return !worker->isEnding(); };
+    const auto keep = [&](const ros::Publisher& publisher, const auto& built) {
+      if (built) made->maps.push_back({publisher, built->last_stamp, fileOf(built->map)});
+    };
+    try {
+      keeper->writer().flush();
+      const Session session(keeper->path());
+      auto amounts = session.amounts();
+      if (with_grid && amounts[DataKind::kScan].count > 0)
+        keep(grid_, buildGridMap(session, *copy, grid, goes_on));
+      if (with_cells && amounts[DataKind::kCloud].count > 0)
+        keep(cells_, buildOccupancyMap(session, *copy, cells, goes_on));
+    } catch (const std::exception& e) {
+      made->error = std::string("No map was made anew: ") + e.what();
+    }
+    made->seconds = (ros::WallTime::now() - start).toSec();
+    return [this, made, generation] {
+      if (generation == generation_) made_ = std::make_unique<Made>(std::move(*made));
+    };
+  });
+}
+
+// What came after the last scan is moved to where the graph has that.
+void CorrectedMaps::publish(const OnlineGraph& graph, const Made& made, const Made::Map& map) const {
+  const auto at = graph.attach(map.stamp);
+  if (!at || at->node >= made.poses.size()) return;
+  const auto front_end = graph.frontEnd().at(graph.graph().nodes()[at->node].stamp);
+  const Pose before = front_end ? *front_end : poses_[at->node];
+  mapping_msgs::CorrectedMap message;
+  message.header.stamp = toTime(map.stamp);
+  message.header.frame_id = parameters_.map_frame;
+  message.correction = toMessage(made.poses[at->node] * before.inverse());
+  message.data = map.data;
+  map.publisher.publish(message);
+}
+
+}  // namespace pose_graph
