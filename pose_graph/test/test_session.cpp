@@ -3,12 +3,15 @@
 #include <mapping_common/files.h>
 #include <mapping_common/testing/temp_dir.h>
 #include <sys/mman.h>
+#include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <atomic>
 #include <chrono>
 #include <csignal>
+#include <cstdlib>
+#include <cstring>
 #include <filesystem>
 #include <random>
 #include <thread>
@@ -259,13 +262,63 @@ TEST_F(SessionTest, BoundsWhatWaits) {
   EXPECT_EQ(2U, Session(path_).amounts()[DataKind::kCloud].count);
 }
 
+// Files of this process can't grow beyond a size, as on a full disk, until this ends.
+class FullDisk {
+ public:
+  explicit FullDisk(rlim_t bytes) {
+    std::signal(SIGXFSZ, SIG_IGN);
+    getrlimit(RLIMIT_FSIZE, &before_);
+    rlimit limit = before_;
+    limit.rlim_cur = bytes;
+    setrlimit(RLIMIT_FSIZE, &limit);
+  }
+  ~FullDisk() { setrlimit(RLIMIT_FSIZE, &before_); }
+  FullDisk(const FullDisk&) = delete;
+  FullDisk& operator=(const FullDisk&) = delete;
+
+ private:
+  rlimit before_{};
+};
+
+TEST_F(SessionTest, GoesOnAfterAFullDisk) {
+  SessionWriterOptions options;
+  options.period = 0.05;
+  options.memory = 8.0;
+  SessionWriter writer(path_, true, options);
+  writer.put(keyPose(0, writer.beginRun(0, ""), {}));
+  writer.flush();
+  const std::string scan = randomFloats(50000, 4);
+  {
+    const FullDisk full(1 << 20);
+    for (int i = 1; i <= 100; ++i) {
+      writer.put(keyPose(i, 0, planarPose(i, 0, 0)));
+      writer.put(KeyData{i, DataKind::kScan, i, "", {}, 1, scan});
+      if (i % 10 == 0) std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    }
+    EXPECT_NE("", refusal([&] { writer.flush(); }));
+    EXPECT_TRUE(mentions(writer.status().error, {path_.c_str()}));
+    EXPECT_GT(writer.status().lost, 30U);
+    EXPECT_LT(writer.status().lost, 90U);
+    EXPECT_GT(writer.status().unwritten_since, 0.0);
+    // What was written before can still be read.
+    EXPECT_GE(readGraph(Session(path_)).graph.nodes().size(), 1U);
+  }
+  writer.flush();
+  const auto status = writer.status();
+  EXPECT_EQ("", status.error);
+  EXPECT_EQ(0U, status.waiting_bytes);
+  EXPECT_EQ(101U, readGraph(Session(path_)).graph.nodes().size()) << "no key pose is lost";
+  EXPECT_EQ(100U - status.lost, Session(path_).amounts()[DataKind::kScan].count);
+}
+
 // What a child process has put, and when.
 struct Shared {
   std::atomic<int> count;
   double times[1 << 20];
 };
 
-// A process that is killed while it writes loses what it has put within the last moment, and no more.
+// A process that is killed while it writes loses what it has put within the last moment, and no more. The
+// environment variable SESSION_KILLS says how often.
 TEST_F(SessionTest, OutlivesBeingKilled) {
   void* memory = mmap(nullptr, sizeof(Shared), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
   ASSERT_NE(MAP_FAILED, memory);
@@ -273,7 +326,9 @@ TEST_F(SessionTest, OutlivesBeingKilled) {
   std::mt19937 random(1);
   constexpr double kLoses = 1.0;  // s
   int key_poses = 0;
-  for (int kill_number = 0; kill_number < 12; ++kill_number) {
+  const char* asked_for = std::getenv("SESSION_KILLS");
+  const int kills = asked_for != nullptr ? std::atoi(asked_for) : 12;
+  for (int kill_number = 0; kill_number < kills; ++kill_number) {
     shared->count = 0;
     const pid_t child = fork();
     if (child == 0) {
