@@ -49,6 +49,8 @@ Database::Database(const std::string& path, const DatabaseFormat& format, Access
     }
     open(SQLITE_OPEN_READONLY | SQLITE_OPEN_URI, uri + "?immutable=1");
   }
+  if (access != Access::kRead && sqlite3_db_readonly(database_.get(), "main") != 0)
+    fail("it can't be written: it is read-only");
   if (access == Access::kCreate && isNew()) return;
   check();
   // A reader doesn't see what others write after it has begun.
@@ -127,7 +129,7 @@ Database::Use& Database::Use::check(int result) {
   return *this;
 }
 
-Database::Use& Database::Use::operator<<(std::int64_t value) {
+Database::Use& Database::Use::integer(std::int64_t value) {
   return check(sqlite3_bind_int64(statement_, ++bound_, value));
 }
 Database::Use& Database::Use::operator<<(double value) {

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <mapping_common/database.h>
+
 #include <cstddef>
 #include <cstdint>
 #include <functional>
@@ -9,9 +11,6 @@
 #include <vector>
 
 #include "rtree_occupancy_map/occupancy_map.h"
-
-struct sqlite3;
-struct sqlite3_stmt;
 
 namespace rtree_occupancy_map {
 
@@ -42,37 +41,20 @@ class BlockStore {
   std::vector<Cell> read(const Block& block) const;
 
   /// Does all that `work` does, or nothing.
-  void transaction(const std::function<void()>& work);
+  void transaction(const std::function<void()>& work) { database_.transaction(work); }
   /// Without cells the block is erased. @return of the cells
   BlockSummary write(const Block& block, const std::vector<Cell>& cells);
   void clear();
 
  private:
-  struct Finalize {
-    void operator()(sqlite3_stmt* statement) const;
-  };
-  using Statement = std::unique_ptr<sqlite3_stmt, Finalize>;
-  struct Close {
-    void operator()(sqlite3* database) const;
-  };
-  class Use;
-
-  BlockStore(const std::string& path, int flags, const std::string& uri);
-  bool isAccessible() const;
-  void start();
+  BlockStore(const std::string& path, mapping_common::Database::Access access);
   void prepareAll();
-  Statement prepare(const char* sql) const;
-  void execute(const char* sql) const;
-  std::int64_t number(const char* sql) const;
-  [[noreturn]] void fail(const std::string& what) const;
-  [[noreturn]] void failSql() const;
 
-  std::string path_;
   bool writes_ = false;
-  std::unique_ptr<sqlite3, Close> database_;  // outlives the statements
+  mapping_common::Database database_;
   float occupied_log_odds_ = 0.0F, min_log_odds_ = 0.0F, max_log_odds_ = 0.0F;
   bool reflectivity_ = false;
-  Statement read_, write_summary_, write_cells_, erase_summary_, erase_cells_;
+  mapping_common::Database::Statement read_, write_summary_, write_cells_, erase_summary_, erase_cells_;
 };
 
 }  // namespace rtree_occupancy_map

@@ -9,6 +9,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <type_traits>
 
 struct sqlite3;
 struct sqlite3_stmt;
@@ -90,7 +91,10 @@ class Database::Use {
   Use(const Use&) = delete;
   Use& operator=(const Use&) = delete;
 
-  Use& operator<<(std::int64_t value);
+  template <class Integer, class = std::enable_if_t<std::is_integral_v<Integer>>>
+  Use& operator<<(Integer value) {
+    return integer(static_cast<std::int64_t>(value));
+  }
   Use& operator<<(double value);
   Use& operator<<(const std::string& text);
   Use& null();
@@ -105,6 +109,7 @@ class Database::Use {
   std::string bytes(int column) const;  ///< of a text or a blob
 
  private:
+  Use& integer(std::int64_t value);
   Use& check(int result);
   const Database& database_;
   sqlite3_stmt* statement_;
