@@ -19,7 +19,7 @@ import rosunit
 import std_msgs.msg
 
 PACKAGES = ['hokuyo_sick_drivers', 'ibuild_loop_closure', 'intensity_hector_slam', 'laser_intensity_calib',
-            'mapping_bringup', 'rtree_occupancy_map']
+            'mapping_bringup', 'pose_graph', 'rtree_occupancy_map']
 LAUNCH_FILES = [f for package in PACKAGES
                 for f in sorted((pathlib.Path(rospkg.RosPack().get_path(package)) / 'launch').glob('*.launch'))]
 
@@ -58,7 +58,7 @@ class LaunchFilesTest(unittest.TestCase):
 
     def test_all_are_among_them(self):
         names = [f.name for f in LAUNCH_FILES]
-        for name in ('hokuyo.launch', 'loop_closure.launch', 'mapping_bag.launch', 'reflectivity.launch', 'robot.launch',
+        for name in ('hokuyo.launch', 'loop_closure.launch', 'mapping_bag.launch', 'pose_graph.launch', 'reflectivity.launch', 'robot.launch',
                      'slam.launch'):
             self.assertIn(name, names)
 
@@ -102,7 +102,8 @@ class LaunchFilesTest(unittest.TestCase):
     def test_rviz_is_given_the_fixed_frame(self):
         for name, argument in (('hokuyo.launch', 'frame_id'), ('sick.launch', 'frame_id'), ('zf_reader.launch', 'parent_frame'),
                                ('reflectivity.launch', 'rviz_frame'), ('slam.launch', 'map_frame'),
-                               ('mapping.launch', 'frame_id'), ('loop_closure.launch', 'fixed_frame')):
+                               ('mapping.launch', 'frame_id'), ('loop_closure.launch', 'fixed_frame'),
+                               ('pose_graph.launch', 'map_frame')):
             rviz = node_of_type(load(find(name), 'rviz:=true', argument + ':=other'), 'rviz')
             self.assertEqual(['-f', 'other'], rviz.args.split()[-2:], name)
 

@@ -11,6 +11,7 @@
 #include <pose_graph/AddEdge.h>
 #include <pose_graph/DeleteEdge.h>
 #include <pose_graph/Event.h>
+#include <sensor_msgs/point_cloud2_iterator.h>
 #include <std_srvs/Trigger.h>
 #include <tf2_eigen/tf2_eigen.h>
 #include <tf2_ros/static_transform_broadcaster.h>
@@ -363,6 +364,46 @@ TEST_F(PoseGraphNodeletTest, MapsAreMadeAnew) {
     for (double x = 4.9; x < 5.2; x += 0.025) walls += occupied(x, y) || occupied(-x, y) ? 1 : 0;
   EXPECT_GE(walls, 13);
   EXPECT_FALSE(occupied(4.0, 0.0));
+}
+
+// The 3D map gets its poses by tf: it must be told from when on these are those of the corrected map.
+TEST_F(PoseGraphNodeletTest, CloudMapsWaitForTheFrontEnd) {
+  Recorder<mapping_msgs::CorrectedMap> grids(node_, "corrected_map"), maps(node_, "corrected_cloud_map");
+  ros::Publisher clouds = node_.advertise<sensor_msgs::PointCloud2>("cloud", 100);
+  ASSERT_TRUE(load());
+  ASSERT_TRUE(waitFor([&] { return clouds.getNumSubscribers() > 0; }));
+  for (int i = 0; i < 45; i += 5) {
+    drive(i, i + 5);
+    const auto points = cloudOfRoom(truth(i + 5), 0.0).hits;
+    sensor_msgs::PointCloud2 cloud;
+    cloud.header.stamp = stamp(i + 5);
+    cloud.header.frame_id = test_ + "_base";
+    sensor_msgs::PointCloud2Modifier(cloud).setPointCloud2FieldsByString(1, "xyz");
+    sensor_msgs::PointCloud2Modifier(cloud).resize(points.size());
+    sensor_msgs::PointCloud2Iterator<float> x(cloud, "x");
+    for (const Eigen::Vector3f& point : points) {
+      x[0] = point.x(), x[1] = point.y(), x[2] = point.z();
+      ++x;
+    }
+    clouds.publish(cloud);
+    spinFor(0.1);
+  }
+  loops_.publish(loop(10, 40));
+  ASSERT_TRUE(waitFor([&] { return !grids.messages.empty(); }, 30.0));
+  spinFor(0.2);
+  EXPECT_TRUE(maps.messages.empty());
+  geometry_msgs::PoseStamped pose;
+  pose.header.stamp = stamp(45.1);
+  pose.pose = toMessage(toPose(grids.messages.back().correction) * drifted(45));
+  poses_.publish(pose);
+  ASSERT_TRUE(waitFor([&] { return !maps.messages.empty(); }, 4.0));
+  EXPECT_EQ(stamp(45.1), maps.messages.back().corrected_from);
+  EXPECT_EQ(stamp(45), maps.messages.back().header.stamp);
+  const mapping_common::TempDir dir;
+  const auto& data = maps.messages.back().data;
+  const auto map =
+      rtree_occupancy_map::OccupancyMap::load(dir.write("a.map", std::string(data.begin(), data.end())));
+  EXPECT_GT(map.size(), 100u);
 }
 
 TEST_F(PoseGraphNodeletTest, TfIsPublishedWhereAskedFor) {

@@ -3,7 +3,6 @@
 
 #include <intensity_hector_slam/ros/parameters.h>
 #include <mapping_common/files.h>
-#include <mapping_msgs/CorrectedMap.h>
 #include <rtree_occupancy_map/ros/parameters.h>
 #include <unistd.h>
 
@@ -20,6 +19,8 @@
 
 namespace pose_graph {
 namespace {
+
+constexpr double kWait = 5.0;  // s, for the front end to go over to a corrected map
 
 // A map as its save_map writes it.
 template <class Map>
@@ -53,6 +54,7 @@ CorrectedMaps::~CorrectedMaps() = default;
 void CorrectedMaps::restart() {
   ++generation_;
   poses_.clear();
+  waiting_.reset();
 }
 
 std::string CorrectedMaps::update(const OnlineGraph& graph, const std::shared_ptr<GraphKeeper>& keeper) {
@@ -63,17 +65,18 @@ std::string CorrectedMaps::update(const OnlineGraph& graph, const std::shared_pt
   if (const auto made = std::move(made_)) {
     text = made->error;
     if (text.empty()) {
-      for (const Made::Map& map : made->maps) publish(graph, *made, map);
+      publish(graph, *made);
       for (std::size_t i = 0; i < nodes.size(); ++i)
         poses_[i] = i < made->poses.size() ? made->poses[i] : nodes[i].pose;
       std::ostringstream said;
-      said << made->maps.size() << " maps along " << made->poses.size() << " key poses in " << made->seconds
-           << " s";
+      said << (made->grid ? 1 : 0) + (made->cells ? 1 : 0) << " maps along " << made->poses.size()
+           << " key poses in " << made->seconds << " s";
       last_ = said.str();
       text = "Made anew: " + last_;
     }
   }
-  if ((parameters_.rebuild_map || parameters_.rebuild_cloud_map) && worker_->isIdle() &&
+  publishWaiting(graph);
+  if ((parameters_.rebuild_map || parameters_.rebuild_cloud_map) && worker_->isIdle() && !waiting_ &&
       !graph.isOptimising() && !graph.hasWork() &&
       ros::WallTime::now() - begun_ > ros::WallDuration(parameters_.rebuild_period))
     begin(graph, keeper);
@@ -93,6 +96,7 @@ void CorrectedMaps::begin(const OnlineGraph& graph, const std::shared_ptr<GraphK
     copy->addNode(node);
     made->poses.push_back(node.pose);
   }
+  if (!graph.frontEnd().empty()) made->begun = graph.frontEnd().last();
   const auto grid = parametersOf<intensity_hector_slam::SlamParameters>(node_, parameters_.slam).slam;
   const auto cells = parametersOf<rtree_occupancy_map::MappingParameters>(node_, parameters_.mapping).map;
   worker_->post([this, worker = worker_.get(), copy, made, keeper, grid, cells,
@@ -100,17 +104,17 @@ void CorrectedMaps::begin(const OnlineGraph& graph, const std::shared_ptr<GraphK
                  generation = generation_]() -> Worker::Work {
     const ros::WallTime start = ros::WallTime::now();
     const auto goes_on = [worker](double) { return !worker->isEnding(); };
-    const auto keep = [&](const ros::Publisher& publisher, const auto& built) {
-      if (built) made->maps.push_back({publisher, built->last_stamp, fileOf(built->map)});
+    const auto keep = [](std::optional<Made::Map>& map, const auto& built) {
+      if (built) map = Made::Map{built->last_stamp, fileOf(built->map)};
     };
     try {
       keeper->writer().flush();
       const Session session(keeper->path());
       auto amounts = session.amounts();
       if (with_grid && amounts[DataKind::kScan].count > 0)
-        keep(grid_, buildGridMap(session, *copy, grid, goes_on));
+        keep(made->grid, buildGridMap(session, *copy, grid, goes_on));
       if (with_cells && amounts[DataKind::kCloud].count > 0)
-        keep(cells_, buildOccupancyMap(session, *copy, cells, goes_on));
+        keep(made->cells, buildOccupancyMap(session, *copy, cells, goes_on));
     } catch (const std::exception& e) {
       made->error = std::string("No map was made anew: ") + e.what();
     }
@@ -122,9 +126,10 @@ void CorrectedMaps::begin(const OnlineGraph& graph, const std::shared_ptr<GraphK
 }
 
 // What came after the last scan is moved to where the graph has that.
-void CorrectedMaps::publish(const OnlineGraph& graph, const Made& made, const Made::Map& map) const {
+std::optional<mapping_msgs::CorrectedMap> CorrectedMaps::message(const OnlineGraph& graph, const Made& made,
+                                                                 const Made::Map& map) const {
   const auto at = graph.attach(map.stamp);
-  if (!at || at->node >= made.poses.size()) return;
+  if (!at || at->node >= made.poses.size()) return std::nullopt;
   const auto front_end = graph.frontEnd().at(graph.graph().nodes()[at->node].stamp);
   const Pose before = front_end ? *front_end : poses_[at->node];
   mapping_msgs::CorrectedMap message;
@@ -132,7 +137,38 @@ void CorrectedMaps::publish(const OnlineGraph& graph, const Made& made, const Ma
   message.header.frame_id = parameters_.map_frame;
   message.correction = toMessage(made.poses[at->node] * before.inverse());
   message.data = map.data;
-  map.publisher.publish(message);
+  return message;
+}
+
+void CorrectedMaps::publish(const OnlineGraph& graph, const Made& made) {
+  const auto grid = made.grid ? message(graph, made, *made.grid) : std::nullopt;
+  auto cells = made.cells ? message(graph, made, *made.cells) : std::nullopt;
+  if (grid) grid_.publish(*grid);
+  if (!cells) return;
+  if (parameters_.publish_tf) cells->corrected_from = toTime(made.begun);
+  if (parameters_.publish_tf || !grid || grid_.getNumSubscribers() == 0 || graph.frontEnd().empty())
+    return cells_.publish(*cells);
+  waiting_ = Waiting{*cells, toPose(grid->correction), *graph.frontEnd().at(graph.frontEnd().last()),
+                     ros::WallTime::now() + ros::WallDuration(kWait)};
+}
+
+// The front end's poses jump by the correction where it goes over to the new map.
+void CorrectedMaps::publishWaiting(const OnlineGraph& graph) {
+  if (!waiting_) return;
+  if (!graph.frontEnd().empty()) {
+    const std::int64_t stamp = graph.frontEnd().last();
+    const Pose now = *graph.frontEnd().at(stamp);
+    const auto distance = [](const Pose& a, const Pose& b) {
+      const Pose motion = a.inverse() * b;
+      return motion.translation.norm() + 2.0 * motion.rotation.vec().norm();
+    };
+    const Pose before = std::exchange(waiting_->front_end, now);
+    if (distance(waiting_->correction * before, now) < distance(before, now))
+      waiting_->cells.corrected_from = toTime(stamp);
+  }
+  if (waiting_->cells.corrected_from.isZero() && ros::WallTime::now() < waiting_->until) return;
+  cells_.publish(waiting_->cells);
+  waiting_.reset();
 }
 
 }  // namespace pose_graph

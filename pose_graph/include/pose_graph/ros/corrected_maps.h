@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <mapping_msgs/CorrectedMap.h>
 #include <ros/node_handle.h>
 #include <ros/publisher.h>
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -17,7 +19,8 @@ class Worker;
 
 /// Makes maps anew once loops have moved the poses that they are made along, in a thread of its own, and
 /// publishes them (mapping_msgs/CorrectedMap): the 2D map on `corrected_map`, the R-tree map on
-/// `corrected_cloud_map`.
+/// `corrected_cloud_map`. The latter waits until the front end is seen to have gone over to the corrected 2D
+/// map, and tells from when on its poses are those (CorrectedMap::corrected_from).
 class CorrectedMaps {
  public:
   /// @param parameters may change meanwhile, and live as long as this
@@ -37,16 +40,19 @@ class CorrectedMaps {
   struct Made {
     std::vector<Pose> poses;
     struct Map {
-      ros::Publisher publisher;
       std::int64_t stamp;
       std::vector<std::uint8_t> data;
     };
-    std::vector<Map> maps;
+    std::optional<Map> grid, cells;
+    std::int64_t begun = 0;  // ns, latest stamp of the front end then
     std::string error;
     double seconds = 0.0;
   };
   void begin(const OnlineGraph& graph, const std::shared_ptr<GraphKeeper>& keeper);
-  void publish(const OnlineGraph& graph, const Made& made, const Made::Map& map) const;
+  std::optional<mapping_msgs::CorrectedMap> message(const OnlineGraph& graph, const Made& made,
+                                                    const Made::Map& map) const;
+  void publish(const OnlineGraph& graph, const Made& made);
+  void publishWaiting(const OnlineGraph& graph);
 
   ros::NodeHandle node_;
   const PoseGraphParameters& parameters_;
@@ -55,6 +61,12 @@ class CorrectedMaps {
   ros::WallTime begun_;
   std::size_t generation_ = 0;
   std::unique_ptr<Made> made_;
+  struct Waiting {
+    mapping_msgs::CorrectedMap cells;
+    Pose correction, front_end;  // as it was seen last
+    ros::WallTime until;
+  };
+  std::optional<Waiting> waiting_;
   std::string last_ = "none";
   std::unique_ptr<Worker> worker_;
 };
