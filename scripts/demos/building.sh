@@ -7,6 +7,7 @@ mkdir -p "$here"
 rm -f "$here"/*
 cp config/slam.yaml "$here/slam.yaml"
 sed -i 's/^laser_max_dist: .*/laser_max_dist: 5.0/' "$here/slam.yaml"  # a cheaper scanner: the way drifts
+sed 's/^undistort: .*/undistort: true/' config/mapping.yaml >"$here/mapping.yaml"
 
 echo "Simulating the drive: a Hokuyo's scans, images, and the clouds of a lidar with 16 beams"
 rosrun mapping_simulation simulate --world config/worlds/building.yaml --sensor config/simulator/hokuyo_utm30lx.yaml \
