@@ -35,6 +35,16 @@ class SessionTool : public testing::Test {
         std::system((std::string(POSE_GRAPH) + ' ' + arguments + " >" + dir_.path("log") + " 2>&1").c_str()));
   }
   std::string output() { return readFile(dir_.path("log")); }
+  void putWrongLoop() {
+    SessionWriter writer(path_, true);
+    SessionEdge wrong;
+    wrong.id = writer.nextEdge();
+    wrong.from = 2, wrong.to = 8;
+    wrong.type = EdgeType::kLoopClosure;
+    wrong.transform = planarPose(0.1, 0.0, 0.0);
+    wrong.information *= 10000.0;
+    writer.put(wrong);
+  }
   // m, of the drift that is left
   double error(const Graph& graph) const {
     const Pose motion = room_[0] * graph.nodes()[0].pose.inverse();
@@ -73,16 +83,7 @@ TEST_F(SessionTool, OptimisesInPlaceOrToAnotherFile) {
 }
 
 TEST_F(SessionTool, RevokesWrongLoops) {
-  {
-    SessionWriter writer(path_, true);
-    SessionEdge wrong;
-    wrong.id = writer.nextEdge();
-    wrong.from = 2, wrong.to = 8;
-    wrong.type = EdgeType::kLoopClosure;
-    wrong.transform = planarPose(0.1, 0.0, 0.0);
-    wrong.information *= 10000.0;
-    writer.put(wrong);
-  }
+  putWrongLoop();
   EXPECT_EQ(0, run("optimise " + path_ + " --loop-check pcm")) << output();
   EXPECT_TRUE(mentions(output(), {"wrong: 2 -> 8"}));
   const Session session(path_);
@@ -109,6 +110,15 @@ TEST_F(SessionTool, ExportsGraphAndMaps) {
   EXPECT_LT(std::filesystem::file_size(dir_.path("b.pcd")), 10000U);
   EXPECT_EQ(0, run("export " + path_ + ' ' + dir_.path("b.yaml") + " --resolution 0.1"));
   EXPECT_TRUE(mentions(readFile(dir_.path("b.yaml")), {"resolution: 0.1"}));
+}
+
+TEST_F(SessionTool, ExportsTheWayWithoutLoops) {
+  putWrongLoop();
+  ASSERT_EQ(0, run("optimise " + path_));
+  EXPECT_EQ(0, run("export " + path_ + ' ' + dir_.path("a.g2o")));
+  EXPECT_GT(error(readG2o(dir_.path("a.g2o")).graph), 0.2);
+  EXPECT_EQ(0, run("export " + path_ + ' ' + dir_.path("b.g2o") + " --without-loops"));
+  EXPECT_LT(error(readG2o(dir_.path("b.g2o")).graph), 1e-6);
 }
 
 TEST_F(SessionTool, MergesSessions) {

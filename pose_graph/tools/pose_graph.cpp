@@ -44,7 +44,7 @@ const char kUsage[] =
 struct Arguments {
   std::string command, out;
   std::vector<std::string> files;
-  bool session = false;
+  bool session = false, without_loops = false;
   double resolution = 0.0, voxel = 0.0;
   Start start = Start::kBest;
   pose_graph::LoopCheckOptions options;
@@ -102,6 +102,8 @@ bool parse(int argc, char** argv, Arguments& a) {
       "m, of the maps that export makes of a session");
   add("voxel", po::value(&a.voxel)->default_value(0.0, "all points"),
       "m: export to .pcd writes the mean of the points in each cube with this edge");
+  add("without-loops", po::bool_switch(&a.without_loops),
+      "export of a session goes along consecutive edges alone, to show what loops are worth");
   auto add_unnamed = unnamed.add_options();
   add_unnamed("command", po::value(&a.command)->required(), "");
   add_unnamed("files", po::value(&a.files)->required()->composing(), "");
@@ -144,6 +146,7 @@ void runOnSessions(const Arguments& a) {
   session.check = a.options;
   session.resolution = a.resolution;
   session.voxel = a.voxel;
+  session.without_loops = a.without_loops;
   if (a.command == "info") pose_graph::printSession(session.in);
   if (a.command == "optimise") pose_graph::optimiseSession(session);
   if (a.command == "export") pose_graph::exportSession(session);

@@ -15,6 +15,7 @@
 #include <stdexcept>
 
 #include "pose_graph/g2o_file.h"
+#include "pose_graph/initialisation.h"
 #include "pose_graph/maps.h"
 #include "pose_graph/session_merge.h"
 #include "pose_graph/trajectory_file.h"
@@ -211,7 +212,12 @@ void optimiseSession(const SessionArguments& a) {
 
 void exportSession(const SessionArguments& a) {
   const Session session(a.in);
-  const Graph graph = readGraph(session).graph;
+  Graph graph = readGraph(session).graph;
+  if (a.without_loops) {
+    for (std::size_t e = 0; e < graph.edges().size(); ++e)
+      if (graph.edges()[e].type != EdgeType::kConsecutive) graph.setActive(e, false);
+    startFromOdometry(graph);
+  }
   const std::string ending = endingOf(a.out);
   if (ending == ".g2o" || ending == ".tum") {
     writeGraph(a.out, graph);

@@ -15,6 +15,7 @@ struct SessionArguments {
   LoopCheckOptions check;
   double resolution = 0.0;  // m, of maps; 0: the session's, or the default
   double voxel = 0.0;       // m, of clouds
+  bool without_loops = false;
 };
 
 /// Endings of files that export writes, with what they are, for messages.

@@ -38,9 +38,19 @@ logged 'process has died' && { grep -a 'process has died' "$log" >&2; fail "a pr
 echo "What the session holds, and what comes of it"
 session() { rosrun pose_graph pose_graph "$1" "$here/building.session" "${@:2}"; }
 session info | tee "$here/session.txt"
-for file in graph.g2o trajectory.tum after.pgm cloud.map; do session export "$here/$file" >/dev/null; done
+for file in graph.g2o trajectory.tum after.pgm cloud.map; do session export "$here/$file"; done >/dev/null
+for file in before.tum before.pgm; do session export "$here/$file" --without-loops; done >/dev/null
 shift=$(sed -n 's/^stamps are later by \(.*\) s$/\1/p' "$here/play.log")
 awk -v by="$shift" '{ $1 = sprintf("%.6f", $1 + by); print }' "$here/truth.tum" >"$here/truth_live.tum"
-rosrun rosbag_tests trajectory_error --reference "$here/truth_live.tum" --estimate "$here/trajectory.tum" | tee "$here/accuracy.txt"
-rosrun pose_graph plot_graph.py "$here/graph.g2o" "$here/graph.png" --title 'The graph over the corrected map' \
-  --map "$here/after.yaml" --truth "$here/truth_live.tum" --trajectory "$here/trajectory.tum"
+error() {
+  rosrun rosbag_tests trajectory_error --reference "$here/truth_live.tum" --estimate "$here/$1" --max-gap 0.1 >"$here/error.txt"
+  sed '1,/^absolute/d' "$here/error.txt" | awk -v name="$2" '/^translation, absolute/ {t = $4; most = $NF} /^rotation, absolute/ {r = $4}
+    END {printf "%s,%.3f,%.3f,%.2f\n", name, t, most, r}'
+}
+{ echo 'way,mean error (m),greatest (m),mean error (deg)'; error before.tum 'without loops'; error trajectory.tum 'with loops'; } |
+  tee "$here/accuracy.csv"
+picture_of() {
+  rosrun pose_graph plot_graph.py "$here/graph.g2o" "$here/$1.png" --title "$3" --map "$here/$2.yaml" "${@:4}"
+}
+picture_of graph after 'The graph over the corrected map' --truth "$here/truth_live.tum" --trajectory "$here/trajectory.tum"
+for map in before after; do convert "$here/$map.pgm" "$here/$map.png"; done
