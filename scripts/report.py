@@ -20,10 +20,8 @@ SECTIONS = (
          ('building/before.png', 'The map of the same drive without loops'),
          ('building/after.png', 'The corrected map'),
          ('building/graph.png', 'The graph: true and estimated way, and the loops that were accepted'),
-         ('building/reflectivity.png', 'Reflectivities of the walls, corrected'),
          ('building/rviz.png', 'RViz at the end of the drive'),
-         ('building/accuracy.csv', 'Errors of the way'),
-         ('building/times.csv', 'What each nodelet took'))),
+         ('building/accuracy.csv', 'Errors of the way, laid over the true one'))),
     ('Drivers', 'An emulated Hokuyo in a small room, through its driver.', (('scan.png', 'The scan in RViz'),)),
     ('Intensity calibration', 'Intensities of a white wall over range and angle of incidence, which become a table.', (
         ('calibration/calibration.png', 'The table'),)),

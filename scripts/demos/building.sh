@@ -38,10 +38,11 @@ logged 'process has died' && { grep -a 'process has died' "$log" >&2; fail "a pr
 echo "What the session holds, and what comes of it"
 session() { rosrun pose_graph pose_graph "$1" "$here/building.session" "${@:2}"; }
 session info | tee "$here/session.txt"
-for file in graph.g2o trajectory.tum after.pgm cloud.map; do session export "$here/$file"; done >/dev/null
+for file in graph.g2o trajectory.tum after.pgm; do session export "$here/$file"; done >/dev/null
+session export "$here/cloud.map" --resolution 0.1 >/dev/null
 for file in before.tum before.pgm; do session export "$here/$file" --without-loops; done >/dev/null
 shift=$(sed -n 's/^stamps are later by \(.*\) s$/\1/p' "$here/play.log")
-awk -v by="$shift" '{ $1 = sprintf("%.6f", $1 + by); print }' "$here/truth.tum" >"$here/truth_live.tum"
+awk -v by="$shift" '!/^#/ { $1 = sprintf("%.6f", $1 + by); print }' "$here/truth.tum" >"$here/truth_live.tum"
 error() {
   rosrun rosbag_tests trajectory_error --reference "$here/truth_live.tum" --estimate "$here/$1" --max-gap 0.1 >"$here/error.txt"
   sed '1,/^absolute/d' "$here/error.txt" | awk -v name="$2" '/^translation, absolute/ {t = $4; most = $NF} /^rotation, absolute/ {r = $4}
