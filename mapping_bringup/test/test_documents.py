@@ -40,7 +40,9 @@ def anchors(text):
 
 def commands(text):
     """Words of each roslaunch and rosrun, in blocks and in lines."""
-    code = re.findall(r'(?ms)^```(?:sh|xml)?\n(.*?)^```', text) + re.findall(r'`((?:roslaunch|rosrun) [^`]*)`', text)
+    blocks = re.findall(r'(?ms)^```(\w*)\n(.*?)^```', text)
+    code = [block for language, block in blocks if language in ('', 'sh', 'xml')]
+    code += re.findall(r'`((?:roslaunch|rosrun) [^`]*)`', text)
     for block in code:
         for line in block.replace('\\\n', ' ').splitlines():
             for command in re.findall(r'\b(?:roslaunch|rosrun) .*', line):
