@@ -34,7 +34,8 @@ using Kind = CarmenRecord::Kind;
 
 using Stamps = CarmenBagOptions::Stamps;
 
-/// Scans at the rate; lines between two get what lies between their stamps.
+/// Scans at the rate; lines between two get what lies between their stamps. The line after a scan that has the
+/// pose logged with it is of the same time.
 std::vector<double> madeUpStamps(const CarmenLog& log, double rate) {
   std::vector<double> stamps;
   std::size_t scans = 0;
@@ -42,7 +43,13 @@ std::vector<double> madeUpStamps(const CarmenLog& log, double rate) {
     stamps.push_back(record.kind == Kind::kFrontScan ? 1.0 + scans++ / rate
                                                      : std::numeric_limits<double>::quiet_NaN());
   std::size_t repaired = 0;
-  return risingStamps(stamps, repaired);
+  stamps = risingStamps(stamps, repaired);
+  for (std::size_t i = 1; i < stamps.size(); ++i) {
+    const CarmenRecord &scan = log.records[i - 1], &line = log.records[i];
+    if (scan.kind == Kind::kFrontScan && line.kind == Kind::kOdometry && line.robot.isApprox(scan.robot, 1e-9))
+      stamps[i] = stamps[i - 1];
+  }
+  return stamps;
 }
 
 /// Each scanner and the odometry were logged by a process of their own, whose lines may come late: only among
