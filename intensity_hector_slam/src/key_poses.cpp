@@ -10,6 +10,16 @@
 
 namespace intensity_hector_slam {
 
+Pose correctionOf(const Edge& loop) {
+  return compose(compose(loop.from.pose, loop.transform), between(loop.to.pose, Pose::Zero()));
+}
+
+bool isJump(const Edge& loop) {
+  constexpr double kDistance = 0.2, kAngle = 0.05;  // m, rad
+  const Pose error = between(between(loop.from.pose, loop.to.pose), loop.transform);
+  return error.head<2>().norm() > kDistance || std::abs(error.z()) > kAngle;
+}
+
 KeyPoses::KeyPoses(double distance, double angle, const Drift& drift)
     : distance_(distance), angle_(angle), drift_(drift) {
   for (const auto& [name, value] :

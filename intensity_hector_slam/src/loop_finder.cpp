@@ -66,7 +66,6 @@ void LoopFinder::clear() {
   pending_.reset();
   last_tie_.reset();
   points_ = first_kept_ = 0;
-  counts_ = {};
 }
 
 double LoopFinder::lengthOf(const Pose& transform) const {
@@ -81,10 +80,12 @@ void LoopFinder::connect(std::size_t from, std::size_t to, const Pose& transform
       {from, back, covarianceBetween(transform, covariance, Pose::Zero(), Eigen::Matrix3d::Zero()), length});
 }
 
-std::vector<Edge> LoopFinder::add(const KeyPose& key, const Scan& scan, const std::optional<Edge>& edge) {
+std::vector<Edge> LoopFinder::add(const KeyPose& key, const Scan& scan, const std::optional<Edge>& edge,
+                                  bool search_it) {
   if (edge && (nodes_.empty() || nodes_.back().key.id != edge->from.id || edge->to.id != key.id)) {
     throw std::invalid_argument("an edge isn't from the last key pose to this one");
   }
+  if (!edge) clear();
   const std::size_t node = nodes_.size();
   const double length = edge ? lengthOf(edge->transform) : 0.0;
   nodes_.push_back({key, thinned(scan), node > 0 ? nodes_.back().travelled + length : 0.0, {}, {}});
@@ -92,10 +93,8 @@ std::vector<Edge> LoopFinder::add(const KeyPose& key, const Scan& scan, const st
   if (edge) {
     connect(node - 1, node, edge->transform, edge->information.inverse(), length);
     nodes_[node - 1].next = nodes_[node - 1].links.back();
-  } else {
-    pending_.reset();
   }
-  if (anchors_.empty() || !edge ||
+  if (anchors_.empty() ||
       nodes_[node].travelled - nodes_[anchors_.back()].travelled >= 0.25 * options_.submap_length) {
     anchors_.push_back(node);
   }
@@ -103,7 +102,7 @@ std::vector<Edge> LoopFinder::add(const KeyPose& key, const Scan& scan, const st
   forgetBeyondMemory();
 
   std::vector<Edge> loops;
-  if (last_tie_ && nodes_[node].travelled - *last_tie_ < options_.spacing) return loops;
+  if (!search_it || (last_tie_ && nodes_[node].travelled - *last_tie_ < options_.spacing)) return loops;
   const std::vector<Relative> seen = reachFrom(node);
   std::optional<Found> found = search(node, seen);
   if (!found) return loops;

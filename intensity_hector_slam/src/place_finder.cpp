@@ -42,20 +42,29 @@ PlaceFinder::PlaceFinder(const SearchOptions& options, const MatcherOptions& mat
       matcher_(matcher),
       reflectivity_(makeCost(matcher.cost, matcher)->uses(Channel::kReflectivity)) {}
 
-void PlaceFinder::prepare(const MultiMap& map) {
-  if (search_ && updates_ == map.updates()) return;
-  search_.emplace(levelFor(map, options_.cell), options_, reflectivity_);
+// Of the map only as much as the scan reaches from the region, if that isn't all of it.
+void PlaceFinder::prepare(const MultiMap& map, const Scan& scan, const SearchRegion& region) {
+  double reach = scan.origin.norm();
+  for (const Eigen::Vector2f& point : scan.points) reach = std::max(reach, 1.0 * point.norm());
+  const Eigen::Vector2d margin = Eigen::Vector2d::Constant(reach + 1.0);
+  const Eigen::AlignedBox2d box(region.box.min() - margin, region.box.max() + margin);
+  if (search_ && updates_ == map.updates() && box_.contains(box)) return;
+  const GridMap& level = levelFor(map, options_.cell);
+  const Eigen::Vector2d size = level.resolution() * Eigen::Vector2d(level.width(), level.height());
+  const Eigen::AlignedBox2d all(level.origin(), level.origin() + size);
+  box_ = box.contains(all) ? SearchRegion().box : box;
+  search_.emplace(level, options_, reflectivity_, box_);
   updates_ = map.updates();
 }
 
 bool PlaceFinder::fits(const MultiMap& map, const Scan& scan, const Pose& pose) {
-  prepare(map);
+  prepare(map, scan, SearchRegion::around(pose, 0.0, 0.0));
   return search_->score(scan, pose) >= options_.min_score &&
          search_->difference(scan, pose) <= kMaxDifference;
 }
 
 Place PlaceFinder::find(const MultiMap& map, const Scan& scan, const SearchRegion& region) {
-  prepare(map);
+  prepare(map, scan, region);
   Place place;
   std::vector<Candidate> candidates;
   for (const ScanSearch::Optimum& optimum : search_->optima(scan, region, kLeastShare, kCandidates)) {

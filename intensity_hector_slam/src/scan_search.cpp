@@ -46,13 +46,18 @@ struct ScanSearch::Window {
   Eigen::Vector2i at;  // its first cell
 };
 
-ScanSearch::ScanSearch(const GridMap& map, const SearchOptions& options, bool reflectivity)
+ScanSearch::ScanSearch(const GridMap& map, const SearchOptions& options, bool reflectivity,
+                       const Eigen::AlignedBox2d& looked_at)
     : options_(mapping_common::validate(options)), cell_(map.resolution()) {
   for (int i = 0; i < 256; ++i) {
     const double difference = std::min(1.0, i / 255.0 / options_.reflectivity_scale);
     factors_[i] = std::lround(0.5 * kFull * (1.0 - options_.reflectivity_share * difference));
   }
-  Eigen::AlignedBox2i box = map.knownCells();
+  const auto cellAt = [&](const Eigen::Vector2d& point) -> Eigen::Vector2i {
+    return ((point - map.origin()).array() / cell_).floor().max(-1e8).min(1e8).cast<int>();
+  };
+  Eigen::AlignedBox2i box = map.knownCells().intersection(
+      Eigen::AlignedBox2i(cellAt(looked_at.min()), cellAt(looked_at.max())));
   if (box.isEmpty()) box = Eigen::AlignedBox2i(Eigen::Vector2i::Zero(), Eigen::Vector2i::Zero());
   const Eigen::Vector2i first = box.min() - Eigen::Vector2i::Constant(kMargin);
   width_ = box.sizes().x() + 1 + 2 * kMargin;

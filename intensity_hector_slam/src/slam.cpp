@@ -10,6 +10,10 @@ namespace intensity_hector_slam {
 namespace {
 
 constexpr double kPlaceSearchPeriod = 0.5;  // s
+constexpr double kOdometryShare = 2.0;   // of the way, by which it is off at most: some counts a way back as
+                                         // one forward
+constexpr double kTurnShare = 0.2;       // the same of the turn, and m for each rad
+constexpr double kOdometryTrust = 10.0;  // times SlamOptions::max_gap, that it leads while nothing fits
 
 }  // namespace
 
@@ -60,6 +64,13 @@ void Slam::setPose(const Pose& pose) {
   lost_ = false;
   doubted_since_.reset();
   last_place_search_.reset();
+}
+
+void Slam::move(const Pose& correction) {
+  check(correction);
+  for (Pose* pose : {&pose_, &matched_pose_}) *pose = compose(correction, *pose);
+  for (auto* pose : {&last_update_, &last_search_})
+    if (*pose) *pose = compose(correction, **pose);
 }
 
 void Slam::setLost() {
@@ -115,7 +126,7 @@ SlamResult Slam::process(const Scan& scan, const std::optional<Pose>& odometry) 
   if (odometry) check(*odometry);
   SlamResult result;
   const bool empty = static_cast<int>(scan.points.size()) < options_.min_points;
-  if (!empty) relocalize(scan, odometry.has_value(), result);
+  if (!empty) relocalize(scan, odometry, result);
   predict(scan, odometry, result);
   if (empty || lost_) {
     result.status = empty ? Status::kEmpty : Status::kRejected;
@@ -138,7 +149,15 @@ SlamResult Slam::process(const Scan& scan, const std::optional<Pose>& odometry) 
       result.status == Status::kRejected ||
       (options_.localization && options_.relocalize && !empty && !finder_.fits(map_, scan, result.pose));
   if (!doubted && !empty) doubted_since_.reset();
-  if (doubted && !doubted_since_) doubted_since_ = scan.stamp;
+  if (doubted && !doubted_since_) {
+    doubted_since_ = scan.stamp;
+    doubted_way_ = doubted_turn_ = 0.0;
+  }
+  if (doubted) {
+    const Pose motion = between(pose_, result.guess);
+    doubted_way_ += motion.head<2>().norm();
+    doubted_turn_ += std::abs(motion.z());
+  }
   if (result.status != Status::kStarted) first_.reset();
   pose_ = result.pose;
   last_stamp_ = scan.stamp;
@@ -166,16 +185,24 @@ SlamResult Slam::insert(const Scan& scan, const Pose& pose) {
 }
 
 // Where the body may be, if the first guess doesn't tell.
-std::optional<SearchRegion> Slam::lostIn(double stamp, bool odometry) const {
+std::optional<SearchRegion> Slam::lostIn(double stamp, const std::optional<Pose>& odometry) const {
   if (lost_) return SearchRegion();
   if (!options_.relocalize || map_.updates() == 0) return {};
-  if (doubted_since_ && stamp - *doubted_since_ > options_.max_gap) return SearchRegion();
+  const double doubted = doubted_since_ ? stamp - *doubted_since_ : 0.0;
+  if (doubted_since_ && odometry && last_odometry_ && doubted <= kOdometryTrust * options_.max_gap) {
+    const Pose motion = between(*last_odometry_, *odometry);
+    const double way = doubted_way_ + motion.head<2>().norm(), turn = doubted_turn_ + std::abs(motion.z());
+    return SearchRegion::around(compose(pose_, motion),
+                                options_.max_correction_distance + kOdometryShare * way + kTurnShare * turn,
+                                options_.max_correction_angle + kTurnShare * turn);
+  }
+  if (doubted > options_.max_gap) return SearchRegion();
   if (odometry || !last_match_ || stamp - *last_match_ <= options_.max_gap) return {};
   const double gap = stamp - *last_match_;
   return SearchRegion::around(matched_pose_, options_.max_speed * gap, options_.max_turn_rate * gap);
 }
 
-void Slam::relocalize(const Scan& scan, bool odometry, SlamResult& result) {
+void Slam::relocalize(const Scan& scan, const std::optional<Pose>& odometry, SlamResult& result) {
   const std::optional<SearchRegion> region = lostIn(scan.stamp, odometry);
   if (!region) return;
   // Not for each scan: it takes much longer than a match.
@@ -203,11 +230,13 @@ void Slam::predict(const Scan& scan, const std::optional<Pose>& odometry, SlamRe
 
   const Pose steady = follows && elapsed > 0.0 ? Pose(velocity_ * elapsed) : Pose::Zero();
   Pose motion = Pose::Zero();
+  other_guesses_.clear();
   if (options_.guess == Guess::kOdometry && odometry && last_odometry_) {
+    other_guesses_ = {compose(pose_, steady), pose_};
     motion = between(*last_odometry_, *odometry);
-    result.odometry_jumped = hasJumped(scan, motion, steady, elapsed);
-    if (result.odometry_jumped) {
-      motion = steady;
+    if (const auto other = betterThanOdometry(scan, motion, steady, elapsed)) {
+      result.odometry_jumped = true;
+      motion = *other;
     } else if (follows && elapsed > 0.0) {
       velocity_ = motion / elapsed;
     }
@@ -217,16 +246,34 @@ void Slam::predict(const Scan& scan, const std::optional<Pose>& odometry, SlamRe
   result.guess = compose(pose_, motion);
 }
 
-// Odometry that is faster than the body can be has jumped, or its stamps are wrong: the map knows.
-bool Slam::hasJumped(const Scan& scan, const Pose& motion, const Pose& steady, double elapsed) {
-  const bool plausible = motion.head<2>().norm() <= options_.max_speed * std::abs(elapsed) &&
-                         std::abs(motion.z()) <= options_.max_turn_rate * std::abs(elapsed);
-  if (plausible || map_.updates() == 0 || static_cast<int>(scan.points.size()) < options_.min_points)
-    return false;
+// Odometry that is faster than the body can be has jumped, or its stamps are wrong; some counts a way back as
+// one forward. Where the pose may be farther from it than the search reaches, the map knows.
+std::optional<Pose> Slam::betterThanOdometry(const Scan& scan, const Pose& motion, const Pose& steady,
+                                             double elapsed) {
+  const MatcherOptions& o = options_.matcher;
+  const auto isBeyond = [](const Pose& by, double distance, double angle) {
+    return by.head<2>().norm() > distance || std::abs(by.z()) > angle;
+  };
+  const bool implausible =
+      isBeyond(motion, options_.max_speed * std::abs(elapsed), options_.max_turn_rate * std::abs(elapsed));
+  const double distance = 0.5 * o.search_distance, angle = 0.5 * o.search_angle;
+  const bool far = isBeyond(motion, distance, angle) || isBeyond(between(steady, motion), distance, angle);
+  if (!(implausible || far) || map_.updates() == 0 ||
+      static_cast<int>(scan.points.size()) < options_.min_points)
+    return {};
   const auto score = [&](const Pose& by) {
     return matcher_.match(map_, scan, compose(pose_, by), true).score();
   };
-  return score(steady) > score(motion) + options_.matcher.search_min_gain;
+  double best = score(motion) + o.search_min_gain;
+  std::optional<Pose> better;
+  for (const Pose& other : {steady, Pose(Pose::Zero())}) {
+    if (!implausible && !isBeyond(between(other, motion), distance, angle)) continue;
+    const double here = score(other);
+    if (here <= best) continue;
+    best = here;
+    better = other;
+  }
+  return better;
 }
 
 // Whether the first guess may be farther from the pose than the iterations reach.
@@ -273,26 +320,36 @@ void Slam::startAgain() {
 
 // To the middle of the sweep. @return the time from the stamp to there, s
 double Slam::deskew(const Scan& scan) {
-  deskewed_ = scan;
-  if (!options_.deskew || scan.times.empty()) return 0.0;
-  const double middle = 0.5 * (scan.times.front() + scan.times.back());
-  if (velocity_.isZero()) return middle;
-  // Eq. 3.7 for all points at once, each with the motion from the middle to its time.
+  const bool deskews = options_.deskew && !scan.times.empty();
+  const double middle = deskews ? 0.5 * (scan.times.front() + scan.times.back()) : 0.0;
+  deskewed_ = moved(scan, middle);
+  return middle;
+}
+
+Scan Slam::undistorted(const Scan& scan) const {
+  return moved(scan, 0.0);
+}
+
+// To where the points are seen from at a time after the stamp.
+Scan Slam::moved(const Scan& scan, double time) const {
+  Scan result = scan;
+  if (!options_.deskew || scan.times.empty() || velocity_.isZero()) return result;
+  // Eq. 3.7 for all points at once, each with the motion from that time to its own.
   const Eigen::Vector3f velocity = velocity_.cast<float>();
   const auto move = [&](const std::vector<float>& times, std::vector<Eigen::Vector2f>& points) {
     if (points.empty()) return;
     const Eigen::Index n = points.size();
     const Eigen::ArrayXf elapsed =
-        Eigen::Map<const Eigen::ArrayXf>(times.data(), n) - static_cast<float>(middle);
+        Eigen::Map<const Eigen::ArrayXf>(times.data(), n) - static_cast<float>(time);
     const Eigen::ArrayXf c = (velocity.z() * elapsed).cos(), s = (velocity.z() * elapsed).sin();
-    Eigen::Map<Eigen::Array2Xf> moved(points.front().data(), 2, n);
-    const Eigen::ArrayXf x = moved.row(0), y = moved.row(1);
-    moved.row(0) = (c * x - s * y + velocity.x() * elapsed).transpose();
-    moved.row(1) = (s * x + c * y + velocity.y() * elapsed).transpose();
+    Eigen::Map<Eigen::Array2Xf> at(points.front().data(), 2, n);
+    const Eigen::ArrayXf x = at.row(0), y = at.row(1);
+    at.row(0) = (c * x - s * y + velocity.x() * elapsed).transpose();
+    at.row(1) = (s * x + c * y + velocity.y() * elapsed).transpose();
   };
-  move(scan.times, deskewed_.points);
-  move(scan.free_times, deskewed_.free);
-  return middle;
+  move(scan.times, result.points);
+  move(scan.free_times, result.free);
+  return result;
 }
 
 void Slam::place(const Scan& scan, bool unsure, SlamResult& result) {
@@ -305,7 +362,14 @@ void Slam::place(const Scan& scan, bool unsure, SlamResult& result) {
     }
   } else {
     result.match = match(scan, result.guess, unsure);
-    if (!accepts(result.match, result.guess)) {
+    bool accepted = accepts(result.match, result.guess);
+    for (const Pose& other : other_guesses_) {
+      if (accepted) break;
+      const Match there = matcher_.match(map_, scan, other, true);
+      accepted = accepts(there, other) && there.contradiction <= options_.matcher.search_contradiction;
+      if (accepted) result.match = there;
+    }
+    if (!accepted) {
       result.status = Status::kRejected;
       result.covariance = unknownCovariance();
       return;
@@ -376,9 +440,7 @@ void Slam::correct(MultiMap map, const MapCorrection& correction, double until) 
   options_.map = map_.options();
   finder_.forget();
   const double stamp = last_stamp_.value_or(0.0);
-  for (Pose* pose : {&pose_, &matched_pose_}) *pose = correction.of(*pose, stamp);
-  for (auto* pose : {&last_update_, &last_search_})
-    if (*pose) *pose = correction.of(**pose, stamp);
+  if (stamp < correction.corrected_from) move(correction.correction);
   first_.reset();
 }
 

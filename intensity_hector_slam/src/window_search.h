@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <vector>
 
@@ -26,8 +27,14 @@ Pose searchWindow(const GridMap& map, const Beams& beams, const Pose& guess, con
   const int turns = static_cast<int>(options.search_angle / angle_step);
 
   std::vector<Eigen::Vector2i> ends(beams.count);
-  const auto costAt = [&](int dx, int dy, float limit) {
-    float sum = 0.0f;
+  const double used = (beams.count + stride - 1) / stride;
+  // What speaks for the guess: see search_prior.
+  const auto priorAt = [&](int dx, int dy, int turn) {
+    const double distance = std::hypot(dx, dy) / std::max(1, steps), angle = 1.0 * turn / std::max(1, turns);
+    return static_cast<float>(options.search_prior * used * (distance * distance + angle * angle));
+  };
+  const auto costAt = [&](int dx, int dy, float prior, float limit) {
+    float sum = prior;
     for (std::size_t i = 0; i < beams.count && sum < limit; i += stride) {
       const int x = ends[i].x() + dx, y = ends[i].y() + dy;
       const bool inside = x >= 0 && y >= 0 && x < map.width() && y < map.height();
@@ -45,12 +52,12 @@ Pose searchWindow(const GridMap& map, const Beams& beams, const Pose& guess, con
   };
   turnTo(guess.z());
   Pose best = guess;
-  float least = costAt(0, 0, std::numeric_limits<float>::infinity());
+  float least = costAt(0, 0, 0.0f, std::numeric_limits<float>::infinity());
   for (int t = -turns; t <= turns; ++t) {
     turnTo(guess.z() + t * angle_step);
     for (int y = -steps; y <= steps; ++y) {
       for (int x = -steps; x <= steps; ++x) {
-        const float here = costAt(x, y, least);
+        const float here = costAt(x, y, priorAt(x, y, t), least);
         if (!(here < least)) continue;
         least = here;
         best = guess + Pose(x / cells, y / cells, t * angle_step);

@@ -54,6 +54,35 @@ TEST(KeyPoses, LeaveOutWhatWasNotMatched) {
   EXPECT_EQ(2u, key_poses.add(4.0, at({6.0, 0.0, 0.0}))->to.id);
 }
 
+TEST(KeyPoses, DriftGrowsWithTheWay) {
+  KeyPoses key_poses(0.5, 0.5, {0.1, 0.2, 0.3});
+  key_poses.add(1.0, at(Pose::Zero()));
+  const auto edge = key_poses.add(2.0, at({4.0, 0.0, 0.5}));
+  ASSERT_TRUE(edge);
+  const Eigen::Matrix3d covariance = edge->information.inverse();
+  EXPECT_NEAR(2.0 * 0.01 + 4.0 * 0.01, covariance(0, 0), 1e-9);
+  EXPECT_NEAR(2.0 * 0.001 + 4.0 * 0.04 + 0.5 * 0.09, covariance(2, 2), 1e-9);
+}
+
+// SLAM goes on where a loop has the pose, and the next edge is of the way, not of the jump.
+TEST(KeyPoses, EdgesAreNotOfAJump) {
+  KeyPoses key_poses;
+  key_poses.add(1.0, at({5.0, 1.0, 0.0}));
+  Edge loop;
+  loop.from.pose = {2.0, 0.0, M_PI / 2.0};
+  loop.to.pose = {5.0, 1.0, 0.0};
+  loop.transform = {1.0, -1.0, -M_PI / 2.0};
+  ASSERT_TRUE(isJump(loop));
+  const Pose correction = correctionOf(loop);
+  EXPECT_LT((compose(correction, loop.to.pose) - Pose(3.0, 1.0, 0.0)).norm(), 1e-12);
+  key_poses.correct(correction);
+  const auto edge = key_poses.add(2.0, at({4.0, 1.0, 0.0}));
+  ASSERT_TRUE(edge);
+  EXPECT_LT((edge->transform - Pose(1.0, 0.0, 0.0)).norm(), 1e-12);
+  loop.transform = between(loop.from.pose, loop.to.pose);
+  EXPECT_FALSE(isJump(loop));
+}
+
 TEST(KeyPoses, SayWhatIsWrong) {
   EXPECT_THROW(KeyPoses(0.0, 1.0), std::invalid_argument);
 }

@@ -99,6 +99,41 @@ TEST_F(SlamNodeletTest, TopicsAndFramesAreThoseOfHectorMapping) {
   }
 }
 
+TEST_F(SlamNodeletTest, PublishesLoops) {
+  using mapping_msgs::EdgeConstraint;
+  setParam("loop_min_travel", 6.0);
+  setParam("loop_submap_length", 5.0);
+  Recorder<EdgeConstraint> edges(node_, "edges");
+  ASSERT_TRUE(load());
+  const auto loop = [&] {
+    return std::find_if(edges.messages.begin(), edges.messages.end(),
+                        [](const auto& edge) { return edge.type == EdgeConstraint::LOOP_CLOSURE; });
+  };
+  for (int i = 0; i < 300 && loop() == edges.messages.end(); ++i) ASSERT_TRUE(drive(i, i + 1)) << i;
+  ASSERT_TRUE(waitFor([&] { return loop() != edges.messages.end(); }));
+  EXPECT_TRUE(loop()->has_transform);
+  EXPECT_EQ(frame("base_frame"), loop()->frame_id);
+  EXPECT_EQ(loop()->to_stamp, loop()->header.stamp);
+  EXPECT_LT(loop()->from_id + 5, loop()->to_id);
+  EXPECT_GT(loop()->similarity, 0.5F);
+  EXPECT_LE(loop()->similarity, 1.0F);
+  const Pose moved = between(bagPoseAt((loop()->from_stamp - ros::Time(kBagStart)).toSec()),
+                             bagPoseAt((loop()->to_stamp - ros::Time(kBagStart)).toSec()));
+  const Pose error = between(moved, toPose(loop()->transform));
+  EXPECT_LT(error.norm(), 0.05) << error.transpose();
+  // Both its key poses have edges of the chain, with the same stamps.
+  const auto stampOf = [&](std::uint32_t id) {
+    for (const auto& edge : edges.messages) {
+      if (edge.type != EdgeConstraint::CONSECUTIVE) continue;
+      if (edge.to_id == id) return edge.to_stamp;
+      if (edge.from_id == id) return edge.from_stamp;
+    }
+    return ros::Time();
+  };
+  EXPECT_EQ(stampOf(loop()->from_id), loop()->from_stamp);
+  EXPECT_EQ(stampOf(loop()->to_id), loop()->to_stamp);
+}
+
 TEST_F(SlamNodeletTest, WithoutOdometryTheBodyHangsOnTheMap) {
   setParam("odom_frame", frame("base_frame"));
   odometry_ = false;

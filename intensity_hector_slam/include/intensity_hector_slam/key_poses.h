@@ -27,6 +27,12 @@ struct Edge {
   double similarity = 1.0;  ///< of what was seen from both, 0 to 1
 };
 
+/// Where the later pose of a loop is in the map, as the loop has it from the earlier, times the inverse of
+/// where it was taken to be: moves all poses since to where they are in what the map had of the place before.
+Pose correctionOf(const Edge& loop);
+/// Whether that is more than a match could be off, so that SLAM is in another place than the loop has it.
+bool isJump(const Edge& loop);
+
 /// What edges don't know of: standard deviations that grow with the square root of the way.
 struct Drift {
   double distance = 0.0;  ///< m after one metre

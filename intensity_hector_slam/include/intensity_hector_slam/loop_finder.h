@@ -31,13 +31,13 @@ class LoopFinder {
 
   /// Adds a key pose.
   /// @param scan from there
-  /// @param edge from the key pose added before; none: they aren't connected
+  /// @param edge from the key pose added before; none: nothing connects it with those before, which are
+  /// forgotten
+  /// @param search false: it is only kept, for those to come
   /// @return the loops that are sure now, from earlier key poses to this one or one shortly before it
   /// @throws std::invalid_argument where the edge isn't from the last key pose to this one
-  std::vector<Edge> add(const KeyPose& key, const Scan& scan, const std::optional<Edge>& edge);
-
-  /// Forgets all.
-  void clear();
+  std::vector<Edge> add(const KeyPose& key, const Scan& scan, const std::optional<Edge>& edge,
+                        bool search = true);
 
   struct Counts {
     std::size_t key_poses = 0;
@@ -87,6 +87,7 @@ class LoopFinder {
     bool confirmed;
   };
 
+  void clear();
   double lengthOf(const Pose& transform) const;
   void connect(std::size_t from, std::size_t to, const Pose& transform, const Eigen::Matrix3d& covariance,
                double length);

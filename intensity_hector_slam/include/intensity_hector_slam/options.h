@@ -119,6 +119,7 @@ struct MatcherOptions {
   double search_motion_distance = 0.3, search_motion_angle = 0.2;
   double search_contradiction = 0.2, search_min_gain = 0.25;
   double search_distance = 0.3, search_angle = 0.35;
+  double search_prior = 0.05;
   int search_points = 200;
 
   double surface_length = 0.6;
@@ -187,6 +188,10 @@ struct MatcherOptions {
         .within(0.0, 2.0);
     o("search_distance", search_distance, "m", "half the width of the window").within(0.0, 100.0);
     o("search_angle", search_angle, "rad", "half its range of angles").within(0.0, 3.15);
+    o("search_prior", search_prior, "",
+      "by which the mean square of the residuals must be less at the border of the window, along one side or "
+      "turned, than at the guess, and the less the nearer to it")
+        .within(0.0, 10.0);
     o("search_points", search_points, "", "of the scan, evenly spread: more take more time").within(1, 1e6);
 
     o.section("what isn't known");
@@ -355,9 +360,9 @@ struct SlamOptions {
         .atLeast(0.0);
     o("max_correction_angle", max_correction_angle, "rad", "the same").within(0.0, 6.3);
     o("max_speed", max_speed, "m/s",
-      "odometry that moves faster may have jumped: it isn't the first guess for a scan that fits to the map "
-      "better by "
-      "search_min_gain without")
+      "odometry that moves faster may have jumped. Neither it nor one that moves by more than half of the "
+      "search "
+      "window is the first guess for a scan that fits to the map better by search_min_gain without")
         .atLeast(0.001);
     o("max_turn_rate", max_turn_rate, "rad/s", "or turns faster").atLeast(0.001);
     o("max_acceleration", max_acceleration, "m/s^2",
@@ -367,11 +372,11 @@ struct SlamOptions {
     o("max_gap", max_gap, "s", "between scans; longer is a pause, over which no velocity holds").atLeast(0.0);
     o.section("places");
     o("relocalize", relocalize, "",
-      "true: after more than max_gap without a match, blind and without odometry, or rejected, the scan is "
-      "sought "
-      "where the body may be by max_speed and max_turn_rate, at last in all of the map. Only a place that is "
-      "sure "
-      "is gone on from")
+      "true: a scan after one that was rejected is sought where the body may be by odometry; without "
+      "odometry, "
+      "after more than max_gap blind or rejected, by max_speed and max_turn_rate; at last in all of the map. "
+      "Only a "
+      "place that is sure is gone on from")
         .dynamic();
     place.describe(o);
   }

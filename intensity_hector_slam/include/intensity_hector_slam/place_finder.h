@@ -35,13 +35,14 @@ class PlaceFinder {
   void forget() { search_.reset(); }
 
  private:
-  void prepare(const MultiMap& map);
+  void prepare(const MultiMap& map, const Scan& scan, const SearchRegion& region);
 
   SearchOptions options_;
   ScanMatcher matcher_;
   bool reflectivity_;
   std::optional<ScanSearch> search_;
   std::size_t updates_ = 0;  // of the map that `search_` is of
+  Eigen::AlignedBox2d box_;  // the same
 };
 
 }  // namespace intensity_hector_slam

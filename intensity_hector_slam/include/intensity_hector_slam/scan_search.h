@@ -39,7 +39,9 @@ class ScanSearch {
 
   /// @param map is copied as far as it is needed
   /// @param reflectivity whether it counts
-  ScanSearch(const GridMap& map, const SearchOptions& options, bool reflectivity);
+  /// @param box outside which the map isn't looked at, m
+  ScanSearch(const GridMap& map, const SearchOptions& options, bool reflectivity,
+             const Eigen::AlignedBox2d& box = SearchRegion().box);
 
   /// The best pose, and the best of those that are SearchOptions::apart from all before it, and so on.
   /// @param least share of the best score that the others have; scores below SearchOptions::min_score don't

@@ -33,7 +33,7 @@ struct SlamResult {
   Pose guess = Pose::Zero();                             ///< where the match began
   Match match;  ///< of no meaning where the status is kStarted or kEmpty
   bool map_updated = false;
-  bool odometry_jumped = false;  ///< faster than the body can move, and the map denies it: it isn't the guess
+  bool odometry_jumped = false;   ///< the map denies it, and it isn't the guess
   bool time_jumped_back = false;  ///< by more than SlamOptions::max_gap: no velocity holds
   std::optional<Place> place;     ///< a search for it, see SlamOptions::relocalize
   double gap = 0.0;               ///< s, a pause before this scan longer than SlamOptions::max_gap, else 0
@@ -88,8 +88,12 @@ class Slam {
 
   /// Puts the body elsewhere in the map.
   void setPose(const Pose& pose);
+  /// Moves the body elsewhere in the map, without a pause: the velocity goes on.
+  void move(const Pose& correction);
   /// Nobody knows where the body is: until a scan's place is sure, scans are rejected.
   void setLost();
+  /// A scan that was processed last as if all of it had been measured at its stamp.
+  Scan undistorted(const Scan& scan) const;
   /// Where a scan was taken in the map; nothing changes.
   Place findPlace(const Scan& scan, const SearchRegion& region = {});
   /// Forgets all of the map and starts again at a pose.
@@ -112,15 +116,17 @@ class Slam {
  private:
   static void check(const Scan& scan);
   static void check(const Pose& pose);
-  std::optional<SearchRegion> lostIn(double stamp, bool odometry) const;
-  void relocalize(const Scan& scan, bool odometry, SlamResult& result);
+  std::optional<SearchRegion> lostIn(double stamp, const std::optional<Pose>& odometry) const;
+  void relocalize(const Scan& scan, const std::optional<Pose>& odometry, SlamResult& result);
   void predict(const Scan& scan, const std::optional<Pose>& odometry, SlamResult& result);
-  bool hasJumped(const Scan& scan, const Pose& motion, const Pose& steady, double elapsed);
+  std::optional<Pose> betterThanOdometry(const Scan& scan, const Pose& motion, const Pose& steady,
+                                         double elapsed);
   bool isUnsure(double stamp, bool odometry, const SlamResult& result) const;
   void follow(const Scan& scan, bool unsure, SlamResult& result);
   void addUncertainty(const Eigen::Vector3d& motion, SlamResult& result) const;
   void startAgain();
   double deskew(const Scan& scan);
+  Scan moved(const Scan& scan, double time) const;
   void place(const Scan& scan, bool unsure, SlamResult& result);
   Match match(const Scan& scan, const Pose& guess, bool unsure);
   bool accepts(const Match& match, const Pose& guess) const;
@@ -137,7 +143,9 @@ class Slam {
   PlaceFinder finder_;
   bool lost_ = false;  // until a place is sure
   std::optional<double> doubted_since_, last_place_search_;
+  double doubted_way_ = 0.0, doubted_turn_ = 0.0;  // m, rad: of the first guesses since
   Scan deskewed_;
+  std::vector<Pose> other_guesses_;  // without odometry, where a match from there is rejected
   mapping_common::Recent<InsertedScan> inserted_;
 
   Pose pose_ = Pose::Zero();                            // at the last stamp

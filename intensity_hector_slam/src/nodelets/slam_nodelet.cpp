@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
 // SLAM with the topics, parameters, frames and services of hector_mapping. Everything happens in the
-// nodelet's single-threaded callback queue, so that nothing here needs a lock.
+// nodelet's single-threaded callback queue, so that nothing here needs a lock; what takes longer than a scan
+// has threads that hand over what they found.
 #include <geometry_msgs/PoseWithCovarianceStamped.h>
 #include <intensity_hector_slam/ResetMapping.h>
 #include <mapping_common/arrivals.h>
@@ -25,6 +26,7 @@
 #include <string>
 #include <vector>
 
+#include "intensity_hector_slam/ros/loop_thread.h"
 #include "intensity_hector_slam/ros/map_conversion.h"
 #include "intensity_hector_slam/ros/parameters.h"
 #include "intensity_hector_slam/ros/scan_conversion.h"
@@ -58,6 +60,10 @@ class SlamNodelet : public mapping_common::Nodelet {
   void report(const sensor_msgs::LaserScan& message, double time);
   void reportOdometry(bool there);
   void timeJumpedBack(const ros::Time& to);
+  void publishPose(const ros::Time& stamp, const Scan& scan);
+  void publishLoops();
+  void follow(const Edge& loop);
+  void restart();
 
   CorrectedMaps::Prepare beginToCorrect(const CorrectedMaps::Map& corrected);
   std::string correct(MultiMap&& map, const MapCorrection& correction, double until);
@@ -72,10 +78,12 @@ class SlamNodelet : public mapping_common::Nodelet {
   void report() override;
   void diagnoseScans(StatusWrapper& status);
   void diagnoseMap(StatusWrapper& status);
+  void diagnoseLoops(StatusWrapper& status);
 
   SlamParameters parameters_;
   std::unique_ptr<Slam> slam_;
   std::unique_ptr<SlamPublisher> publisher_;
+  std::unique_ptr<LoopThread> loops_;  // null where they aren't sought
   bool paused_ = false, asks_for_body_ = false, has_odometry_ = true;
   SlamResult last_;
   std::optional<Scan> last_scan_;  // that isn't empty
@@ -117,6 +125,8 @@ void SlamNodelet::start(mapping_common::Parameters& reader) {
   if (!parameters_.map_file.empty()) NODELET_INFO_STREAM(load(parameters_.map_file));
   if (parameters_.relocalize_at_start) slam_->setLost();
   publisher_ = std::make_unique<SlamPublisher>(node, parameters_);
+  if (parameters_.loops && !parameters_.map_with_known_poses)
+    loops_ = std::make_unique<LoopThread>(parameters_.loop, parameters_.slam);
 
   map_timer_ =
       every(parameters_.map_pub_period, [this] { publisher_->publishMaps(last_stamp_, slam_->map()); });
@@ -125,7 +135,8 @@ void SlamNodelet::start(mapping_common::Parameters& reader) {
   offerServices();
   listen();
   startDiagnostics("none", {{"Scans", [this](StatusWrapper& status) { diagnoseScans(status); }},
-                            {"Map", [this](StatusWrapper& status) { diagnoseMap(status); }}});
+                            {"Map", [this](StatusWrapper& status) { diagnoseMap(status); }},
+                            {"Loops", [this](StatusWrapper& status) { diagnoseLoops(status); }}});
 }
 
 void SlamNodelet::offerServices() {
@@ -149,7 +160,7 @@ void SlamNodelet::offerServices() {
     response.message = last_scan_ ? describe(place) : "no scan came yet";
     if (!place.sure) return;
     slam_->setPose(place.pose);
-    publisher_->restart();
+    restart();
   });
   serveFile<mapping_msgs::SaveMap>("save_map", [this](const std::string& path) {
     mapping_common::requireOwnEnding(path);
@@ -158,7 +169,7 @@ void SlamNodelet::offerServices() {
   });
   serveFile<mapping_msgs::LoadMap>("load_map", [this](const std::string& path) {
     const std::string text = load(path);
-    publisher_->restart();
+    restart();
     return text;
   });
   if (parameters_.advertise_map_service) {
@@ -212,12 +223,13 @@ void SlamNodelet::timeJumpedBack(const ros::Time& to) {
   if (!parameters_.usesOdometry() || !arrivals_->queue().otherExists()) {
     if (const auto then = publisher_->keyPoseAt(to)) slam_->setPose(*then);
   }
-  publisher_->restart();
+  restart();
 }
 
 void SlamNodelet::process(const sensor_msgs::LaserScan& message, const Arrivals::Transforms& transforms) {
   if (paused_) return arrivals_->drops().add(kPaused, "");
   const ros::Time& stamp = last_stamp_ = message.header.stamp;
+  publishLoops();
   const ros::WallTime start = ros::WallTime::now();
   mapping_common::LaserReading reading = laser_scans_.read(message);
   const Scan scan = toScan(message, reading, transforms.message, parameters_.scan);
@@ -236,14 +248,18 @@ void SlamNodelet::process(const sensor_msgs::LaserScan& message, const Arrivals:
   const double time = (ros::WallTime::now() - start).toSec();
   publisher_->publishCloud(message, reading);
   if (!parameters_.map_with_known_poses) {
-    if (last_.status != Status::kEmpty && last_.status != Status::kRejected)
-      publisher_->publishPose(stamp, last_);
+    if (last_.status != Status::kEmpty && last_.status != Status::kRejected) publishPose(stamp, scan);
     const bool is_body = parameters_.odom_frame == parameters_.base_frame;
     publisher_->publishTransforms(stamp, last_.pose, is_body ? Pose::Zero() : body,
                                   is_body || arrivals_->queue().otherExists());
     if (asks_for_body_) reportOdometry(body.has_value());
   }
   report(message, time);
+}
+
+void SlamNodelet::publishPose(const ros::Time& stamp, const Scan& scan) {
+  const auto key = publisher_->publishPose(stamp, last_);
+  if (key && loops_) loops_->add(key->key, slam_->undistorted(scan), key->edge);
 }
 
 void SlamNodelet::report(const sensor_msgs::LaserScan& message, double time) {
@@ -253,7 +269,7 @@ void SlamNodelet::report(const sensor_msgs::LaserScan& message, double time) {
                                    << 1e3 * time << " ms");
   }
   if (last_.place && last_.place->sure) {
-    publisher_->restart();
+    restart();
     NODELET_WARN_STREAM("Lost, and found again: " << describe(*last_.place));
   } else if (last_.place) {
     NODELET_WARN_STREAM_THROTTLE(5.0, "Lost: " << describe(*last_.place));
@@ -287,8 +303,8 @@ void SlamNodelet::reportOdometry(bool there) {
   has_odometry_ = there;
   if (last_.odometry_jumped) {
     NODELET_WARN_STREAM_THROTTLE(5.0,
-                                 "Odometry jumped, faster than max_speed or max_turn_rate: it is not "
-                                 "used for this scan");
+                                 "The map denies odometry, which jumped, slipped or counted a way back as "
+                                 "one forward: it is not used for this scan");
   }
 }
 
@@ -334,7 +350,7 @@ std::string SlamNodelet::correct(MultiMap&& map, const MapCorrection& correction
 void SlamNodelet::reset(const Pose& pose) {
   slam_->reset(pose);
   ++map_number_;
-  publisher_->restart();
+  restart();
 }
 
 void SlamNodelet::initialPose(const geometry_msgs::PoseWithCovarianceStamped& message) {
@@ -346,7 +362,7 @@ void SlamNodelet::initialPose(const geometry_msgs::PoseWithCovarianceStamped& me
           arrivals_->queue().buffer().lookupTransform(parameters_.map_frame, frame, ros::Time(0)));
     }
     slam_->setPose(toPose(Eigen::Isometry3d(to_map * toIsometry(toPose(message.pose.pose)))));
-    publisher_->restart();
+    restart();
     NODELET_INFO_STREAM("The pose is set to " << slam_->pose().transpose());
   } catch (const std::exception& e) {
     NODELET_ERROR_STREAM("initialpose is ignored: " << e.what());
@@ -378,6 +394,38 @@ std::string SlamNodelet::load(const std::string& path) {
   return text.str();
 }
 
+// ------------------------------------------------------------------------------------------------------
+// loops
+
+void SlamNodelet::publishLoops() {
+  if (!loops_) return;
+  for (const Edge& loop : loops_->take()) {
+    publisher_->publishEdge(loop);
+    if (parameters_.follow_loops && !corrected_maps_->isPublished()) follow(loop);
+  }
+}
+
+// Edges between key poses aren't of this motion: the last moves, too.
+void SlamNodelet::follow(const Edge& loop) {
+  const Pose correction = correctionOf(loop);
+  if (!isJump(loop)) return;
+  slam_->move(correction);
+  publisher_->correct(last_stamp_, correction);
+  NODELET_INFO_STREAM("A loop to the key pose of " << loop.from.stamp << " s moves the pose by "
+                                                   << correction.transpose());
+}
+
+// The chain of key poses begins anew.
+void SlamNodelet::restart() {
+  publisher_->restart();
+  if (loops_) loops_->restart();
+}
+
+void SlamNodelet::diagnoseLoops(StatusWrapper& status) {
+  if (loops_) return loops_->addTo(status);
+  status.summary(diagnostic_msgs::DiagnosticStatus::OK, "Not sought");
+}
+
 // --------------------------------------------------------------------------------------------- while it runs
 
 void SlamNodelet::reconfigure(const SlamParameters& changed) {
@@ -388,6 +436,7 @@ void SlamNodelet::reconfigure(const SlamParameters& changed) {
 }
 
 void SlamNodelet::report() {
+  publishLoops();
   Nodelet::report();
   if (arrivals_->received() == 0 && ++reports_without_scan_ == kReportsWithoutScan) {
     NODELET_WARN_STREAM(whyNoScan(scan_subscriber_.getTopic()));

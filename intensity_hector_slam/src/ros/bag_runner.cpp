@@ -12,6 +12,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <ctime>
 #include <memory>
 #include <optional>
 #include <stdexcept>
@@ -132,15 +133,22 @@ BagResult runBag(const BagOptions& options, const SlamParameters& parameters,
       const auto start = std::chrono::steady_clock::now();
       const SlamResult slam_result = slam.process(scan, odometry);
       const std::chrono::duration<double> time = std::chrono::steady_clock::now() - start;
-      if (slam_result.time_jumped_back) key_poses.breakChain();
+      const bool found_again = slam_result.place && slam_result.place->sure;
+      if (slam_result.time_jumped_back || (found_again && !odometry)) key_poses.breakChain();
       const auto edge = key_poses.add(scan.stamp, slam_result);
       if (edge) result.edges.push_back(*edge);
       if (parameters.loops && key_poses.last() && key_poses.last()->stamp == scan.stamp) {
-        const auto loop_start = std::chrono::steady_clock::now();
-        for (const Edge& loop : loops.add(*key_poses.last(), scan, edge)) result.edges.push_back(loop);
-        const std::chrono::duration<double> loop_time = std::chrono::steady_clock::now() - loop_start;
-        result.loop_seconds += loop_time.count();
-        result.longest_loop_seconds = std::max(result.longest_loop_seconds, loop_time.count());
+        const std::clock_t loop_start = std::clock();
+        for (const Edge& loop : loops.add(*key_poses.last(), slam.undistorted(scan), edge)) {
+          result.edges.push_back(loop);
+          if (!parameters.follow_loops || !isJump(loop)) continue;
+          const Pose correction = correctionOf(loop);
+          slam.move(correction);
+          key_poses.correct(correction);
+        }
+        const double loop_time = static_cast<double>(std::clock() - loop_start) / CLOCKS_PER_SEC;
+        result.loop_seconds += loop_time;
+        result.longest_loop_seconds = std::max(result.longest_loop_seconds, loop_time);
       }
       result.entries.push_back({scan.stamp, slam_result, time.count()});
       if (processed) processed(scan);

@@ -58,7 +58,8 @@ mapping_msgs::EdgeConstraint toMessage(const Edge& edge, const std::string& map_
   message.from_id = edge.from.id;
   message.to_id = edge.to.id;
   message.frame_id = base_frame;
-  message.type = mapping_msgs::EdgeConstraint::CONSECUTIVE;
+  message.type = edge.type == EdgeType::kLoopClosure ? mapping_msgs::EdgeConstraint::LOOP_CLOSURE
+                                                     : mapping_msgs::EdgeConstraint::CONSECUTIVE;
   message.has_transform = true;
   message.transform = toMessage(edge.transform);
   constexpr std::array<int, 3> kRows = {0, 1, 5};  // x, y, yaw
@@ -67,7 +68,7 @@ mapping_msgs::EdgeConstraint toMessage(const Edge& edge, const std::string& map_
       message.information[6 * kRows[row] + kRows[column]] = edge.information(row, column);
     }
   }
-  message.similarity = 1.0F;
+  message.similarity = static_cast<float>(edge.similarity);
   return message;
 }
 

@@ -24,6 +24,11 @@ void SlamParameters::describe(mapping_common::OptionList& o) {
   o.section("loops");
   o("loops", loops, "",
     "true: key poses where a place is seen again are sought among the earlier ones, and published as edges");
+  o("follow_loops", follow_loops, "",
+    "true: after a loop that has the pose elsewhere in the map, SLAM goes on there, where nobody publishes "
+    "corrected_map. Edges aren't of that jump. It keeps the map of a place from being drawn twice, and "
+    "leaves what was "
+    "drawn between as it is");
   loop.describe(o);
   o.section("poses of others");
   o("use_tf_pose_start_estimate", use_tf_pose_start_estimate, "",

@@ -32,7 +32,8 @@ SlamPublisher::SlamPublisher(ros::NodeHandle& node, const SlamParameters& parame
   edge_publisher_ = node.advertise<mapping_msgs::EdgeConstraint>("edges", 100);
 }
 
-void SlamPublisher::publishPose(const ros::Time& stamp, const SlamResult& result) {
+std::optional<SlamPublisher::NewKeyPose> SlamPublisher::publishPose(const ros::Time& stamp,
+                                                                    const SlamResult& result) {
   geometry_msgs::PoseWithCovarianceStamped update;
   update.header.stamp = stamp;
   update.header.frame_id = parameters_.map_frame;
@@ -55,12 +56,17 @@ void SlamPublisher::publishPose(const ros::Time& stamp, const SlamResult& result
     odometry.pose = update.pose;
     odometry_publisher_.publish(odometry);
   }
-  publishKeyPose(stamp, result);
+  return publishKeyPose(stamp, result);
 }
 
-void SlamPublisher::publishKeyPose(const ros::Time& stamp, const SlamResult& result) {
+void SlamPublisher::publishEdge(const Edge& edge) {
+  edge_publisher_.publish(toMessage(edge, parameters_.map_frame, parameters_.base_frame));
+}
+
+std::optional<SlamPublisher::NewKeyPose> SlamPublisher::publishKeyPose(const ros::Time& stamp,
+                                                                       const SlamResult& result) {
   const auto edge = key_poses_.add(stamp.toSec(), result);
-  if (!edge && !path_.poses.empty()) return;
+  if (!key_poses_.last() || key_poses_.last()->stamp != stamp.toSec()) return {};
   geometry_msgs::PoseStamped pose;
   pose.header.stamp = stamp;
   pose.header.frame_id = parameters_.map_frame;
@@ -68,7 +74,8 @@ void SlamPublisher::publishKeyPose(const ros::Time& stamp, const SlamResult& res
   path_.header.stamp = stamp;
   path_.poses.push_back(pose);
   if (path_publisher_.getNumSubscribers() > 0) path_publisher_.publish(path_);
-  if (edge) edge_publisher_.publish(toMessage(*edge, parameters_.map_frame, parameters_.base_frame));
+  if (edge) publishEdge(*edge);
+  return NewKeyPose{*key_poses_.last(), edge};
 }
 
 void SlamPublisher::publishTransforms(const ros::Time& stamp, const Pose& pose,

@@ -110,7 +110,9 @@ CorrectedRun correct(const slam::BagResult& run, const pose_graph::LoopCheckOpti
     if (after != by_stamp.end()) {
       const slam::KeyPose& key = after->second;
       const auto& node = parts[part_of.at(key.id)].graph.nodes()[index_of.at(key.id)];
-      pose = slam::compose(toPlane(node.pose), slam::between(key.pose, pose));
+      // SLAM's map may be another one since (SlamParameters::follow_loops).
+      const slam::Pose way = key.stamp == entry.stamp ? slam::Pose(0, 0, 0) : slam::between(key.pose, pose);
+      pose = slam::compose(toPlane(node.pose), way);
     }
     result.corrected.push_back({entry.stamp, toSpace(pose)});
   }

@@ -31,7 +31,7 @@ struct BagResult {
   std::vector<Edge> edges;     ///< of the key poses, and their loops
   LoopFinder::Counts loops;
   double loop_seconds = 0.0,
-         longest_loop_seconds = 0.0;  ///< that the search for them took, and for one key pose
+         longest_loop_seconds = 0.0;  ///< of processor time for them, and for one key pose
   MultiMap map;
   /// Scans of one kind, and what is said of the first.
   struct Fault {

@@ -16,7 +16,7 @@ namespace intensity_hector_slam {
 struct SlamParameters {
   SlamOptions slam;
   ScanLimits scan;
-  bool loops = true;
+  bool loops = true, follow_loops = false;
   LoopOptions loop;
   Pose start = Pose::Zero();
   double key_pose_distance = 0.5, key_pose_angle = 0.5;

@@ -17,8 +17,14 @@ class SlamPublisher {
  public:
   SlamPublisher(ros::NodeHandle& node, const SlamParameters& parameters);
 
+  /// A key pose, and its edge from the one before, if they are connected.
+  struct NewKeyPose {
+    KeyPose key;
+    std::optional<Edge> edge;
+  };
   /// The pose with its covariance, and the next key pose where it is one.
-  void publishPose(const ros::Time& stamp, const SlamResult& result);
+  std::optional<NewKeyPose> publishPose(const ros::Time& stamp, const SlamResult& result);
+  void publishEdge(const Edge& edge);
   /// @param odometry pose of the body in the odometry's frame, if known
   /// @param odometry_exists false: there is no such frame, it is taken for that of the body; true, and
   ///   `odometry` isn't known: it stays where it was in the map
@@ -38,7 +44,7 @@ class SlamPublisher {
   std::optional<Pose> keyPoseAt(const ros::Time& stamp) const;
 
  private:
-  void publishKeyPose(const ros::Time& stamp, const SlamResult& result);
+  std::optional<NewKeyPose> publishKeyPose(const ros::Time& stamp, const SlamResult& result);
   nav_msgs::OccupancyGrid stamped(const ros::Time& stamp, nav_msgs::OccupancyGrid grid) const;
 
   SlamParameters parameters_;
