@@ -56,8 +56,8 @@ ScanSearch::ScanSearch(const GridMap& map, const SearchOptions& options, bool re
   const auto cellAt = [&](const Eigen::Vector2d& point) -> Eigen::Vector2i {
     return ((point - map.origin()).array() / cell_).floor().max(-1e8).min(1e8).cast<int>();
   };
-  Eigen::AlignedBox2i box = map.knownCells().intersection(
-      Eigen::AlignedBox2i(cellAt(looked_at.min()), cellAt(looked_at.max())));
+  Eigen::AlignedBox2i box =
+      map.knownCells().intersection(Eigen::AlignedBox2i(cellAt(looked_at.min()), cellAt(looked_at.max())));
   if (box.isEmpty()) box = Eigen::AlignedBox2i(Eigen::Vector2i::Zero(), Eigen::Vector2i::Zero());
   const Eigen::Vector2i first = box.min() - Eigen::Vector2i::Constant(kMargin);
   width_ = box.sizes().x() + 1 + 2 * kMargin;

@@ -34,8 +34,8 @@ using Kind = CarmenRecord::Kind;
 
 using Stamps = CarmenBagOptions::Stamps;
 
-/// Scans at the rate; lines between two get what lies between their stamps. The line after a scan that has the
-/// pose logged with it is of the same time.
+/// Scans at the rate; lines between two get what lies between their stamps. The line after a scan that has
+/// the pose logged with it is of the same time.
 std::vector<double> madeUpStamps(const CarmenLog& log, double rate) {
   std::vector<double> stamps;
   std::size_t scans = 0;
@@ -46,7 +46,8 @@ std::vector<double> madeUpStamps(const CarmenLog& log, double rate) {
   stamps = risingStamps(stamps, repaired);
   for (std::size_t i = 1; i < stamps.size(); ++i) {
     const CarmenRecord &scan = log.records[i - 1], &line = log.records[i];
-    if (scan.kind == Kind::kFrontScan && line.kind == Kind::kOdometry && line.robot.isApprox(scan.robot, 1e-9))
+    if (scan.kind == Kind::kFrontScan && line.kind == Kind::kOdometry &&
+        line.robot.isApprox(scan.robot, 1e-9))
       stamps[i] = stamps[i - 1];
   }
   return stamps;
