@@ -20,10 +20,11 @@ constexpr std::size_t kMostWaiting = 4;  // maps, which may be large
 
 }  // namespace
 
-CorrectedMaps::CorrectedMaps(ros::NodeHandle& node, std::shared_ptr<CallbackGuard> guard,
-                             const std::string& name, const std::string& frame, Begin begin)
+CorrectedMaps::CorrectedMaps(ros::NodeHandle& node, const std::string& topic,
+                             std::shared_ptr<CallbackGuard> guard, const std::string& name,
+                             const std::string& frame, Begin begin)
     : name_(name), frame_(withoutSlash(frame)), begin_(std::move(begin)) {
-  subscriber_ = node.subscribe("corrected_map", kMostWaiting, &CorrectedMaps::arrived, this);
+  subscriber_ = node.subscribe(topic, kMostWaiting, &CorrectedMaps::arrived, this);
   timer_ = node.createWallTimer(
       ros::WallDuration(kPollPeriod),
       [this, guard = std::move(guard)](const ros::WallTimerEvent&) { guard->run([this] { poll(); }); });

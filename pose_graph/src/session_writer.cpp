@@ -27,6 +27,8 @@ namespace {
 using mapping_common::Database;
 using Clock = std::chrono::steady_clock;
 
+constexpr std::size_t kBytesAtOnce = std::size_t{4} << 20;  // of data in a transaction
+
 double secondsSince(Clock::time_point then) {
   return std::chrono::duration<double>(Clock::now() - then).count();
 }
@@ -75,9 +77,18 @@ struct Batch {
   std::size_t data_bytes = 0;
   Clock::time_point since;  // if it isn't empty
 
-  bool isEmpty() const {
+  bool isGraphEmpty() const {
     return settings.empty() && runs.empty() && key_poses.empty() && poses.empty() && edges.empty() &&
-           foreign_edges.empty() && data.empty();
+           foreign_edges.empty();
+  }
+  bool isEmpty() const { return isGraphEmpty() && data.empty(); }
+  void clearGraph() {
+    settings.clear();
+    runs.clear();
+    key_poses.clear();
+    poses.clear();
+    edges.clear();
+    foreign_edges.clear();
   }
   void set(std::int64_t id, const Pose& pose) {
     const auto key_pose = key_poses.find(id);
@@ -159,7 +170,8 @@ class SessionWriter::Implementation {
  private:
   void readIds();
   void work();
-  void write(const Batch& batch);
+  void writeSome(Batch& batch);
+  void writeGraph(const Batch& batch);
   void writePoses(const Batch& batch);
   void writeEdge(const SessionEdge& edge);
   void writeForeignEdge(const ForeignEdge& edge);
@@ -170,7 +182,8 @@ class SessionWriter::Implementation {
   Database::Statement put_setting_, put_run_, put_key_pose_, set_pose_, put_edge_, put_foreign_edge_,
       put_data_;
 
-  Batch waiting_, writing_;  // the second changes hands without its content being looked at
+  Batch waiting_;
+  std::size_t writing_bytes_ = 0;  // of the data that are being written
   bool busy_ = false, hurries_ = false, ends_ = false;
   std::size_t attempts_ = 0, commits_ = 0;
   double longest_commit_ = 0.0;
@@ -239,26 +252,31 @@ void SessionWriter::Implementation::work() {
     wake_.wait_for(lock, period, [this] { return ends_ || hurries_; });
     hurries_ = false;
     if (waiting_.isEmpty()) continue;
-    writing_ = std::exchange(waiting_, {});
+    Batch batch = std::exchange(waiting_, {});
+    writing_bytes_ = batch.data_bytes;
     busy_ = true;
     lock.unlock();
-    const Clock::time_point start = Clock::now();
     std::string error;
+    double longest = 0.0;
+    std::size_t commits = 0;
     try {
-      database_.transaction([this] { write(writing_); });
+      while (!batch.isEmpty()) {
+        const Clock::time_point start = Clock::now();
+        writeSome(batch);
+        longest = std::max(longest, secondsSince(start));
+        ++commits;
+      }
     } catch (const std::exception& e) {
       error = e.what();
     }
-    const double time = secondsSince(start);
     lock.lock();
-    if (error.empty()) {
-      ++commits_;
-      longest_commit_ = std::max(longest_commit_, time);
-    } else {
-      writing_.add(std::exchange(waiting_, {}));
-      waiting_ = std::move(writing_);
+    commits_ += commits;
+    longest_commit_ = std::max(longest_commit_, longest);
+    if (!batch.isEmpty()) {
+      batch.add(std::exchange(waiting_, {}));
+      waiting_ = std::move(batch);
     }
-    writing_ = {};
+    writing_bytes_ = 0;
     error_ = error;
     busy_ = false;
     ++attempts_;
@@ -269,7 +287,29 @@ void SessionWriter::Implementation::work() {
   }
 }
 
-void SessionWriter::Implementation::write(const Batch& batch) {
+// In one transaction: what isn't data, and some of these. What was written is taken out of the batch.
+void SessionWriter::Implementation::writeSome(Batch& batch) {
+  std::size_t count = 0, bytes = 0;
+  while (count < batch.data.size() && bytes < kBytesAtOnce) bytes += batch.data[count++].data.size();
+  try {
+    database_.transaction([&] {
+      writeGraph(batch);
+      for (std::size_t i = 0; i < count; ++i) writeData(batch.data[i]);
+    });
+  } catch (const std::exception&) {
+    // The graph takes little, and may fit where data don't.
+    if (count > 0 && !batch.isGraphEmpty()) {
+      database_.transaction([&] { writeGraph(batch); });
+      batch.clearGraph();
+    }
+    throw;
+  }
+  batch.clearGraph();
+  batch.data.erase(batch.data.begin(), batch.data.begin() + static_cast<std::ptrdiff_t>(count));
+  batch.data_bytes -= bytes;
+}
+
+void SessionWriter::Implementation::writeGraph(const Batch& batch) {
   for (const auto& [name, value] : batch.settings)
     (Database::Use(database_, put_setting_) << name << value).next();
   for (const Run& run : batch.runs)
@@ -277,7 +317,6 @@ void SessionWriter::Implementation::write(const Batch& batch) {
   writePoses(batch);
   for (const auto& [id, edge] : batch.edges) writeEdge(edge);
   for (const ForeignEdge& edge : batch.foreign_edges) writeForeignEdge(edge);
-  for (const KeyData& data : batch.data) writeData(data);
 }
 
 void SessionWriter::Implementation::writePoses(const Batch& batch) {
@@ -341,7 +380,7 @@ SessionWriter::Status SessionWriter::Implementation::status() const {
   Status s;
   s.error = error_;
   if (!waiting_.isEmpty()) s.unwritten_since = secondsSince(waiting_.since);
-  s.waiting_bytes = waiting_.data_bytes + writing_.data_bytes;
+  s.waiting_bytes = waiting_.data_bytes + writing_bytes_;
   s.lost = lost_;
   s.commits = commits_;
   s.longest_commit = longest_commit_;
@@ -409,7 +448,7 @@ void SessionWriter::put(KeyData data) {
   data.sensor = checked(data.sensor, "the sensor's pose of data at " + named("key pose", data.key_pose));
   implementation_->take([&](Batch& batch) {
     implementation_->require(implementation_->key_poses_, data.key_pose, named("key pose", data.key_pose));
-    const std::size_t waiting = batch.data_bytes + implementation_->writing_.data_bytes + data.data.size();
+    const std::size_t waiting = batch.data_bytes + implementation_->writing_bytes_ + data.data.size();
     if (static_cast<double>(waiting) > implementation_->options_.memory * (1 << 20)) {
       ++implementation_->lost_;
       return;

@@ -32,7 +32,7 @@ mapping_msgs::CorrectedMap correctedMap(const OccupancyMap& map, const std::stri
 class MapCorrection : public NodeletTest {
  protected:
   void start() {
-    corrected_ = node_.advertise<mapping_msgs::CorrectedMap>("corrected_map", 10);
+    corrected_ = node_.advertise<mapping_msgs::CorrectedMap>("corrected_cloud_map", 10);
     ASSERT_TRUE(load());
     ASSERT_TRUE(waitFor([this] { return corrected_.getNumSubscribers() > 0; }));
     spinFor(0.3);  // until it knows of the publisher

@@ -210,7 +210,7 @@ void SlamNodelet::listen() {
         process(message, transforms);
       });
   corrected_maps_ = std::make_unique<CorrectedMaps>(
-      node, guard(), getName(), p.map_frame,
+      node, "corrected_map", guard(), getName(), p.map_frame,
       [this](const CorrectedMaps::Map& corrected) { return beginToCorrect(corrected); });
   pose_subscriber_ = node.subscribe("initialpose", 2, &SlamNodelet::initialPose, this);
   command_subscriber_ = node.subscribe(p.sys_msg_topic, 2, &SlamNodelet::systemCommand, this);

@@ -15,8 +15,9 @@
 
 namespace mapping_common {
 
-/// Takes maps that were made anew (topic corrected_map), one after the other. Their work is done in another
-/// thread, and only its end in that of the callbacks. One that won't do is refused: that is said and counted.
+/// Takes maps that were made anew (mapping_msgs/CorrectedMap), one after the other. Their work is done in
+/// another thread, and only its end in that of the callbacks. One that won't do is refused: that is said and
+/// counted.
 class CorrectedMaps {
  public:
   struct Map {
@@ -32,9 +33,10 @@ class CorrectedMaps {
   /// Begins with a map, in the thread of the callbacks, when those before it are done.
   using Begin = std::function<Prepare(const Map&)>;
 
+  /// @param name of the nodelet
   /// @param frame that maps have to be in
-  CorrectedMaps(ros::NodeHandle& node, std::shared_ptr<CallbackGuard> guard, const std::string& name,
-                const std::string& frame, Begin begin);
+  CorrectedMaps(ros::NodeHandle& node, const std::string& topic, std::shared_ptr<CallbackGuard> guard,
+                const std::string& name, const std::string& frame, Begin begin);
 
   /// Whether anybody is there who may send one: else there is no need to keep anything for it.
   bool isPublished() const { return subscriber_.getNumPublishers() > 0; }

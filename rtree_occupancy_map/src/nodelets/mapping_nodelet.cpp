@@ -234,7 +234,7 @@ void MappingNodelet::listen() {
   }
   laser_faults_ = std::make_unique<mapping_common::LaserFaults>(getName());
   corrected_maps_ = std::make_unique<CorrectedMaps>(
-      getNodeHandle(), guard(), getName(), frame_id,
+      getNodeHandle(), "corrected_cloud_map", guard(), getName(), frame_id,
       [this](const CorrectedMaps::Map& corrected) { return beginToCorrect(corrected); });
   inputs_.push_back(arrivals_->subscribe<sensor_msgs::LaserScan>(
       "scan", parameters_.queue_size, "Scans",

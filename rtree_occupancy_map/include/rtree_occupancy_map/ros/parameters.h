@@ -43,7 +43,8 @@ struct MappingParameters {
     o("save_on_shutdown", save_on_shutdown, "",
       "path that the map is written to at the end, unless it is empty. Empty: don't");
     o("corrected_map_memory", corrected_map_memory, "MiB",
-      "while somebody publishes corrected_map: of the last clouds and scans that went into the map, which "
+      "while somebody publishes corrected_cloud_map: of the last clouds and scans that went into the map, "
+      "which "
       "are put "
       "into a corrected one where that lacks them; what exceeds this is lost then, with a warning")
         .within(0.0, 1e6);
