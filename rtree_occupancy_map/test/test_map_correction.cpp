@@ -44,16 +44,16 @@ class MapCorrection : public NodeletTest {
       ASSERT_TRUE(waitForMap(reference_)) << i;
       const Eigen::Isometry3d right = i < 4 ? kCorrection * pose : pose;
       (i < 2 ? new_ : direct_).insertScan(toScan(room(i), right, {}).scan);
-      if (i == 1) direct_ = OccupancyMap::fromBytes(bytes().data(), bytes().data() + bytes().size(), "");
+      if (i != 1) continue;
+      const std::string bytes = new_.toBytes();
+      direct_ = OccupancyMap::fromBytes(bytes.data(), bytes.data() + bytes.size(), "a copy");
     }
   }
-  const std::string& bytes() { return bytes_ = new_.toBytes(); }
   static ros::Time stamp(int i) { return ros::Time(1000.0 + i); }
 
   const Eigen::Isometry3d kCorrection = poseOf(0.35, -0.15, 0.05, 0.1);
   ros::Publisher corrected_;
   OccupancyMap new_, direct_;  // of the first two clouds, of all
-  std::string bytes_;
 };
 
 TEST_F(MapCorrection, NothingIsMissingInACorrectedMap) {
