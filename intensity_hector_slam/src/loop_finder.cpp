@@ -106,7 +106,9 @@ std::vector<Edge> LoopFinder::add(const KeyPose& key, const Scan& scan, const st
   const std::vector<Relative> seen = reachFrom(node);
   std::optional<Found> found = search(node, seen);
   if (!found) return loops;
-  if (!found->confirmed && pending_ && confirms(*pending_, *found)) {
+  if (!found->confirmed && pending_ && agree(*pending_, *found)) {
+    // Too near to it, a place tells nothing new.
+    if (nodes_[node].travelled - nodes_[pending_->to].travelled < options_.confirmation) return loops;
     loops.push_back(accept(*pending_));
     found->confirmed = true;
   }
@@ -263,10 +265,10 @@ std::optional<Pose> LoopFinder::alongChain(std::size_t from, std::size_t to) con
   return from <= to ? pose : between(pose, Pose::Zero());
 }
 
-bool LoopFinder::confirms(const Found& earlier, const Found& later) const {
+bool LoopFinder::agree(const Found& earlier, const Found& later) const {
   const auto between_from = alongChain(earlier.from, later.from),
              between_to = alongChain(earlier.to, later.to);
-  if (!between_from || !between_to || lengthOf(*between_to) < options_.confirmation) return false;
+  if (!between_from || !between_to) return false;
   const Pose expected = compose(earlier.transform, *between_to);
   const Pose error = between(expected, compose(*between_from, later.transform));
   return error.head<2>().norm() <= kSame && std::abs(error.z()) <= kSameAngle;

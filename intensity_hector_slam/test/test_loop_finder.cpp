@@ -140,6 +140,77 @@ TEST(LoopFinder, FindsNoneWhereTheRobotWasNot) {
   EXPECT_TRUE(driveThrough(furnishedRing(), way, "combined", 3).loops.empty());
 }
 
+// Walls with doors, that differ from seed to seed in where they are dark alone.
+std::vector<Wall> roomOf(unsigned seed) {
+  const std::vector<Eigen::Vector2d> corners = {{-3, -2.5}, {3.5, -2.5}, {3.5, 1.0},
+                                                {2.0, 1.0}, {2.0, 2.5},  {-3, 2.5}};
+  std::vector<Wall> walls;
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    const unsigned wall = 100 * seed + i;
+    walls.push_back({corners[i], corners[(i + 1) % corners.size()], [wall](double at) {
+                       std::minstd_rand random(wall + 7919u * static_cast<unsigned>(at / 0.9));
+                       random.discard(10);
+                       return random() % 3 == 0 ? 0.3 : 0.65;
+                     }});
+  }
+  return walls;
+}
+
+// Through a room, 15 m away and back, by odometry that is off by a metre, into the same room or another.
+struct Rooms {
+  int with_loops = 0, wrong = 0;  // seeds
+};
+Rooms driveBetweenRooms(const std::string& cost, bool same, unsigned seeds) {
+  SlamOptions slam;
+  slam.matcher.cost = cost;
+  Rooms rooms;
+  for (unsigned seed = 1; seed <= seeds; ++seed) {
+    LoopFinder finder({}, slam);
+    std::mt19937 random(seed);
+    std::normal_distribution<double> normal(0.0, 0.5);
+    std::vector<Pose> truth;
+    std::size_t loops = 0, wrong = 0;
+    KeyPose last;
+    const auto add = [&](const Pose& pose, const Scan& scan, double deviation, const Pose& error) {
+      const KeyPose key{static_cast<std::uint32_t>(truth.size()), 1.0 * truth.size(), pose};
+      std::optional<Edge> edge;
+      const double d = deviation * deviation, a = 0.01 * d;
+      const Eigen::Matrix3d covariance = Eigen::Vector3d(d, d, a).asDiagonal();
+      if (!truth.empty()) edge = Edge{last, key, between(truth.back(), pose) + error, covariance.inverse()};
+      truth.push_back(pose);
+      last = key;
+      for (const Edge& loop : finder.add(key, scan, edge)) {
+        const Pose off = between(between(truth[loop.from.id], truth[loop.to.id]), loop.transform);
+        ++loops;
+        wrong += !same || off.head<2>().norm() > 0.15 || std::abs(off.z()) > 0.05;
+      }
+    };
+    for (const bool again : {false, true}) {
+      const std::vector<Wall> room = roomOf(!again || same ? seed : seed + seeds);
+      for (int i = 0; i < 6; ++i) {
+        const Pose pose(-1.5 + 0.5 * i, -0.6 + 0.2 * i + 0.3 * again, 0.4);
+        const bool entered = again && i == 0;
+        const Pose error = entered ? Pose(normal(random), normal(random), 0.0) : Pose(0, 0, 0);
+        add(pose, look(room, pose, scanner(), 50 * seed + 10 * again + i), entered ? 0.7 : 0.01, error);
+      }
+      if (!again) add({15.0, 0.0, 0.0}, {}, 0.7, Pose::Zero());
+    }
+    rooms.with_loops += loops > 0;
+    rooms.wrong += wrong > 0;
+  }
+  return rooms;
+}
+
+// By geometry it is the same room; by what its walls reflect it never is.
+TEST(LoopFinder, TakesNoRoomForAnotherThatReflectsOtherwise) {
+  constexpr unsigned kSeeds = 50;
+  EXPECT_GE(driveBetweenRooms("occupancy", false, kSeeds).wrong, 45);
+  EXPECT_EQ(0, driveBetweenRooms("combined", false, kSeeds).wrong);
+  const Rooms same = driveBetweenRooms("combined", true, kSeeds);
+  EXPECT_GE(same.with_loops, 45);
+  EXPECT_EQ(0, same.wrong);
+}
+
 TEST(LoopFinder, ConnectsNoPartsOfABrokenChain) {
   const std::vector<Pose> way = wayAround(70.0);
   LoopFinder finder;

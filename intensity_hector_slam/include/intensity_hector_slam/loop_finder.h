@@ -96,7 +96,7 @@ class LoopFinder {
   std::optional<Found> search(std::size_t node, const std::vector<Relative>& seen);
   Submap& submapAt(std::size_t anchor);
   std::optional<Pose> alongChain(std::size_t from, std::size_t to) const;
-  bool confirms(const Found& earlier, const Found& later) const;
+  bool agree(const Found& earlier, const Found& later) const;
   Edge accept(const Found& found);
   void forgetBeyondMemory();
 
