@@ -18,8 +18,8 @@ import rospy
 import rosunit
 import std_msgs.msg
 
-PACKAGES = ['hokuyo_sick_drivers', 'ibuild_loop_closure', 'intensity_hector_slam', 'laser_intensity_calib',
-            'mapping_bringup', 'pose_graph', 'rtree_occupancy_map']
+PACKAGES = ['hokuyo_sick_drivers', 'ibuild_loop_closure', 'intensity_hector_slam', 'intensity_place_recognition',
+            'laser_intensity_calib', 'mapping_bringup', 'pose_graph', 'rtree_occupancy_map']
 LAUNCH_FILES = [f for package in PACKAGES
                 for f in sorted((pathlib.Path(rospkg.RosPack().get_path(package)) / 'launch').glob('*.launch'))]
 

@@ -71,6 +71,22 @@ void expectPoint(const pcl::PointXYZI& point, float x, float y, float z, float i
   EXPECT_FLOAT_EQ(point.intensity, intensity);
 }
 
+TEST(BinScans, OfALivoxScannerAndWithoutPoses) {
+  TempDir dir;
+  std::string bytes;
+  for (int i = 0; i < 32; ++i) {  // 32 points of 19 bytes are 38 of 16, too
+    bytes += bin({10.0f + 0.25f * static_cast<float>(i), -2.0f, 1.5f});
+    bytes += {static_cast<char>(255), 0, static_cast<char>(i % 6), 1, 2, 3, 4};
+  }
+  ASSERT_EQ(0u, bytes.size() % 16);
+  dir.write("3.bin", bytes);
+  const auto source = openScans(dir.path(), "", PcdFrame::kMap, false);
+  const PosedScan scan = readFirst(*source);
+  ASSERT_EQ(32u, scan.cloud.size());
+  expectPoint(scan.cloud[31], 17.75f, -2.0f, 1.5f, 1.0f);
+  EXPECT_TRUE(scan.pose.matrix().isIdentity());
+}
+
 TEST(BinScans, PlainAndPackedByNumberWhateverThePadding) {
   TempDir dir;
   dir.write("0010.bin", bin({1, 2, 3, 0.5f, kNan, kNan, kNan, 0}));

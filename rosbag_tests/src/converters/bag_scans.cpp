@@ -158,7 +158,9 @@ bool BagScans::next(PosedScan& scan) {
       continue;
     }
     ++next_;
-    if (poseAt(withoutSlash(header.frame_id), header.stamp, scan.pose)) {
+    const bool known = poseAt(withoutSlash(header.frame_id), header.stamp, scan.pose);
+    if (!known) scan.pose.setIdentity();
+    if (known || !options_.need_poses) {
       scan.stamp = header.stamp.toSec();
       scan.name = options_.topic + " at " + std::to_string(scan.stamp) + " s";
       return true;

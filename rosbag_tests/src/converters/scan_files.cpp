@@ -104,18 +104,37 @@ std::map<std::uint64_t, Eigen::Isometry3d> readPoses(const std::string& path) {
   return poses;
 }
 
+constexpr std::size_t kKittiPoint = 4 * sizeof(float), kLivoxPoint = 19;
+
+/// Whether there are points of that many bytes: their coordinates are finite, and of a size that scanners
+/// measure.
+bool holdsPoints(const std::string& bytes, std::size_t point_size) {
+  constexpr float kFarthest = 1e4f;  // m
+  if (bytes.empty() || bytes.size() % point_size != 0) return false;
+  std::size_t good = 0;
+  for (std::size_t at = 0; at < bytes.size(); at += point_size) {
+    float v[3];
+    std::memcpy(v, &bytes[at], sizeof(v));
+    good += std::all_of(
+        v, v + 3, [](float x) { return x == 0.0f || (std::abs(x) < kFarthest && std::abs(x) > 1e-6f); });
+  }
+  return good > 0.9 * static_cast<double>(bytes.size() / point_size);
+}
+
 void readBin(const std::string& path, Cloud& cloud) {
-  constexpr std::size_t kPointSize = 4 * sizeof(float);
   const std::string bytes = readFileBytes(path);
-  if (bytes.empty() || bytes.size() % kPointSize != 0)
+  const bool livox = holdsPoints(bytes, kLivoxPoint) && !holdsPoints(bytes, kKittiPoint);
+  const std::size_t point_size = livox ? kLivoxPoint : kKittiPoint;
+  if (bytes.empty() || bytes.size() % point_size != 0)
     fail(path, "holds " + std::to_string(bytes.size()) +
                    " bytes, expected a multiple of 16 (float32 x y z intensity per point)");
-  cloud.resize(bytes.size() / kPointSize);
+  cloud.resize(bytes.size() / point_size);
   const char* data = bytes.data();
   for (auto& point : cloud) {
     float v[4];
-    std::memcpy(v, data, kPointSize);
-    data += kPointSize;
+    std::memcpy(v, data, livox ? 3 * sizeof(float) : sizeof(v));
+    if (livox) v[3] = static_cast<float>(static_cast<unsigned char>(data[3 * sizeof(float)])) / 255.0f;
+    data += point_size;
     point.getVector3fMap() = Eigen::Vector3f(v[0], v[1], v[2]);
     point.intensity = v[3];
   }
@@ -273,13 +292,15 @@ std::unique_ptr<ScanSource> listed(std::vector<ListedScans::Entry> entries) {
 
 std::unique_ptr<ScanSource> openBinScans(const std::string& folder, const std::string& poses_file) {
   const auto files = numberedFiles(folder, kBinName, "NNNN.bin or NNNN.bin.xz");
-  const auto poses = readPoses(poses_file);
+  const auto poses =
+      poses_file.empty() ? std::map<std::uint64_t, Eigen::Isometry3d>() : readPoses(poses_file);
   std::vector<ListedScans::Entry> entries;
   for (const auto& [number, path] : files) {
     const auto pose = poses.find(number);
-    if (pose == poses.end()) fail(path.string(), "has no pose in " + poses_file);
+    if (pose == poses.end() && !poses_file.empty()) fail(path.string(), "has no pose in " + poses_file);
     entries.push_back({path.filename().string(), number * kPeriod,
-                       [path = path.string(), pose = pose->second](PosedScan& scan) {
+                       [path = path.string(), pose = pose == poses.end() ? Eigen::Isometry3d::Identity()
+                                                                         : pose->second](PosedScan& scan) {
                          scan.pose = pose;
                          readBin(path, scan.cloud);
                        }});
@@ -321,7 +342,8 @@ std::unique_ptr<ScanSource> openScanGraph(const std::string& file) {
   return listed(std::move(entries));
 }
 
-std::unique_ptr<ScanSource> openScans(const std::string& path, const std::string& poses, PcdFrame pcd_frame) {
+std::unique_ptr<ScanSource> openScans(const std::string& path, const std::string& poses, PcdFrame pcd_frame,
+                                      bool need_poses) {
   if (!fs::exists(path)) fail(path, "no such file or folder");
   const bool folder = fs::is_directory(path);
   const bool graph = !folder && fs::path(path).extension() == ".graph";
@@ -340,6 +362,7 @@ std::unique_ptr<ScanSource> openScans(const std::string& path, const std::string
   if (uos) return openUosScans(path);
   if (!poses.empty()) return openBinScans(path, poses);
   const auto found = matchingFiles(path, kPosesName);
+  if (found.empty() && !need_poses) return openBinScans(path, "");
   if (found.size() != 1)
     fail(path, "holds " + std::to_string(found.size()) + " pose files poses*.txt, expected one, or its name");
   return openBinScans(path, found.front().second.string());

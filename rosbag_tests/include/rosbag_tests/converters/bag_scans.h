@@ -21,6 +21,7 @@ struct BagScansOptions {
   /// Frame whose poses `pose_topic` gives; the transform from it to the scans' frame comes from /tf and
   /// /tf_static. Empty: the messages' child_frame_id or, as a PoseStamped has none, the scans' own frame.
   std::string body_frame;
+  bool need_poses = true;  ///< false: scans without a pose aren't left out, theirs is the identity
 };
 
 /// The scans of a ROS 1 bag, each with its sensor's pose at the stamp in its header (interpolated).

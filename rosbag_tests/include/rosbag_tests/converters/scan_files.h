@@ -38,7 +38,9 @@ enum class PcdFrame {
 /// Folder of NNNN.bin or NNNN.bin.xz: little-endian float32 x y z intensity per point (m, sensor frame), as
 /// in KITTI. Each line of the pose file is the number of a scan and its 3x4 pose (sensor -> map), row-major;
 /// '#' starts a comment. Numbers are compared by value (7, 0007). A scan without a pose is an error, a pose
-/// without a scan is not. Stamps are made up: number * 0.1 s.
+/// without a scan is not. Without a pose file all poses are the identity. Stamps are made up: number * 0.1 s.
+/// Files of a Livox scanner as in HeLiPR (19 bytes a point: float32 x y z, uint8 reflectivity, tag and line,
+/// uint32 time) are told from KITTI's by their points; their intensity is reflectivity / 255.
 std::unique_ptr<ScanSource> openBinScans(const std::string& folder, const std::string& poses_file);
 
 /// Folder of PCD files in natural order (2 before 10), fields x y z and maybe intensity (0 without), with the
@@ -56,8 +58,8 @@ std::unique_ptr<ScanSource> openUosScans(const std::string& folder);
 std::unique_ptr<ScanSource> openScanGraph(const std::string& file);
 
 /// Opens whichever of these `path` is. `poses` is for .bin scans alone; if empty, it is the one poses*.txt of
-/// the folder. `pcd_frame` is for PCD files alone.
+/// the folder; where `need_poses` is false, there may be none. `pcd_frame` is for PCD files alone.
 std::unique_ptr<ScanSource> openScans(const std::string& path, const std::string& poses = "",
-                                      PcdFrame pcd_frame = PcdFrame::kMap);
+                                      PcdFrame pcd_frame = PcdFrame::kMap, bool need_poses = true);
 
 }  // namespace rosbag_tests

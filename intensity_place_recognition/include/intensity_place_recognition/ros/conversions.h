@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <mapping_msgs/EdgeConstraint.h>
+#include <sensor_msgs/PointCloud2.h>
+
+#include "intensity_place_recognition/place_recognizer.h"
+
+namespace intensity_place_recognition {
+
+/// Points from x, y, z and `intensity_field`, each of any numeric type.
+/// @throws std::invalid_argument that says what is malformed, or that there is no such field
+Cloud toCloud(const sensor_msgs::PointCloud2& message, const std::string& intensity_field);
+
+/// @param to of the query's cloud, @param from_stamp of the match's; zero where it is of another run and
+/// unknown
+mapping_msgs::EdgeConstraint toEdge(const Recognition& recognition, const std_msgs::Header& to,
+                                    const ros::Time& from_stamp);
+
+}  // namespace intensity_place_recognition

@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "intensity_place_recognition/ros/conversions.h"
+
+#include <mapping_common/cloud_fields.h>
+
+#include <algorithm>
+
+namespace intensity_place_recognition {
+
+using mapping_common::CloudField;
+
+Cloud toCloud(const sensor_msgs::PointCloud2& message, const std::string& intensity_field) {
+  const CloudField x = CloudField::requireFloat(message, "x"), y = CloudField::requireFloat(message, "y"),
+                   z = CloudField::requireFloat(message, "z"),
+                   i = CloudField::require(message, intensity_field);
+  Cloud cloud;
+  mapping_common::visitPoints(message, [&](const std::uint8_t* point, std::size_t) {
+    pcl::PointXYZI p;
+    p.getVector3fMap() << x(point), y(point), z(point);
+    p.intensity = i(point);
+    cloud.push_back(p);
+  });
+  return cloud;
+}
+
+mapping_msgs::EdgeConstraint toEdge(const Recognition& recognition, const std_msgs::Header& to,
+                                    const ros::Time& from_stamp) {
+  mapping_msgs::EdgeConstraint edge;
+  edge.header = to;
+  edge.from_stamp = from_stamp;
+  edge.to_stamp = to.stamp;
+  edge.from_id = static_cast<std::uint32_t>(recognition.match);
+  edge.to_id = static_cast<std::uint32_t>(recognition.query);
+  edge.frame_id = to.frame_id;
+  edge.type = mapping_msgs::EdgeConstraint::PLACE;
+  edge.has_transform = true;
+  const Eigen::Isometry3d& pose = recognition.registration.pose;
+  const Eigen::Quaterniond q(pose.rotation());
+  edge.transform.position.x = pose.translation().x();
+  edge.transform.position.y = pose.translation().y();
+  edge.transform.position.z = pose.translation().z();
+  edge.transform.orientation.x = q.x();
+  edge.transform.orientation.y = q.y();
+  edge.transform.orientation.z = q.z();
+  edge.transform.orientation.w = q.w();
+  const Matrix6 information = recognition.registration.covariance.inverse();
+  for (int r = 0; r < 6; ++r)
+    for (int c = 0; c < 6; ++c) edge.information[6 * r + c] = 0.5 * (information(r, c) + information(c, r));
+  edge.similarity = static_cast<float>(std::clamp(recognition.registration.score, 0.0, 1.0));
+  return edge;
+}
+
+}  // namespace intensity_place_recognition

@@ -1,0 +1,142 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "intensity_place_recognition/shape.h"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+namespace intensity_place_recognition {
+namespace {
+
+constexpr float kLowest = -10.0f, kHighest = 20.0f;  // m from the sensor
+constexpr int kFewest = 6;                           // points that a surface is told from
+constexpr int kPool = 2;                             // pixels of the panorama in one of those that are kept
+
+// Sums over the points of a voxel.
+struct Moments {
+  int count = 0;
+  Eigen::Vector3f sum = Eigen::Vector3f::Zero();
+  Eigen::Matrix3f squares = Eigen::Matrix3f::Zero();
+  float intensity = 0.0f;
+  int cell = 0;
+};
+
+// Evenly over all, which are in the order of their places. At most `most`.
+std::vector<Patch> thinned(const std::vector<Patch>& all, int most) {
+  const std::size_t count = std::min(all.size(), static_cast<std::size_t>(most));
+  std::vector<Patch> kept;
+  kept.reserve(count);
+  for (std::size_t i = 0; i < count; ++i) kept.push_back(all[i * all.size() / count]);
+  return kept;
+}
+
+}  // namespace
+
+Shape::Shape(const Cloud& cloud, const Panorama& panorama, const ShapeOptions& options) {
+  const float size = static_cast<float>(options.voxel), radius = static_cast<float>(options.radius);
+  const float nearest = static_cast<float>(panorama.options.min_range);
+  const int side = static_cast<int>(std::ceil(2.0f * radius / size)) + 2;
+  const int layers = static_cast<int>(std::ceil((kHighest - kLowest) / size)) + 2;
+  std::vector<int> grid(static_cast<std::size_t>(side) * side * layers, -1);  // of indices of moments
+  std::vector<Moments> moments;
+  for (const pcl::PointXYZI& p : cloud) {
+    const Eigen::Vector3f point = p.getVector3fMap();
+    const float distance = point.norm();
+    if (!(distance >= nearest && distance < radius && p.z > kLowest && p.z < kHighest)) continue;
+    const int x = static_cast<int>((p.x + radius) / size) + 1,
+              y = static_cast<int>((p.y + radius) / size) + 1,
+              z = static_cast<int>((p.z - kLowest) / size) + 1;
+    const int cell = (z * side + y) * side + x;
+    int& index = grid[cell];
+    if (index < 0) {
+      index = static_cast<int>(moments.size());
+      moments.emplace_back();
+      moments.back().cell = cell;
+    }
+    Moments& m = moments[index];
+    ++m.count;
+    m.sum += point;
+    m.squares += point * point.transpose();
+    m.intensity += p.intensity;
+  }
+  std::sort(moments.begin(), moments.end(),
+            [](const Moments& a, const Moments& b) { return a.cell < b.cell; });
+  for (std::size_t i = 0; i < moments.size(); ++i) grid[moments[i].cell] = static_cast<int>(i);
+
+  std::vector<Patch> upright, level;
+  for (const Moments& own : moments) {
+    Moments all;
+    for (int z = -1; z <= 1; ++z) {
+      for (int y = -1; y <= 1; ++y) {
+        for (int x = -1; x <= 1; ++x) {
+          const int at = grid[own.cell + (z * side + y) * side + x];
+          if (at < 0) continue;
+          all.count += moments[at].count;
+          all.sum += moments[at].sum;
+          all.squares += moments[at].squares;
+        }
+      }
+    }
+    if (all.count < kFewest) continue;
+    const Eigen::Vector3f mean = all.sum / static_cast<float>(all.count);
+    const Eigen::Matrix3f covariance = all.squares / static_cast<float>(all.count) - mean * mean.transpose();
+    Eigen::SelfAdjointEigenSolver<Eigen::Matrix3f> solver;
+    solver.computeDirect(covariance);
+    Patch patch;
+    patch.point = own.sum / static_cast<float>(own.count);
+    patch.normal = solver.eigenvectors().col(0);
+    patch.intensity = own.intensity / static_cast<float>(own.count);
+    const Eigen::Vector3f spread = solver.eigenvalues().cwiseMax(1e-6f).cwiseSqrt();
+    patch.flatness = (spread[1] - spread[0]) / spread[1];
+    (patch.isLevel() ? level : upright).push_back(patch);
+  }
+  patches_ = thinned(upright, options.upright);
+  const std::vector<Patch> kept_level = thinned(level, options.level);
+  patches_.insert(patches_.end(), kept_level.begin(), kept_level.end());
+
+  lowest_ = static_cast<float>(panorama.options.min_elevation);
+  highest_ = static_cast<float>(panorama.options.max_elevation);
+  rows_ = panorama.mask.rows / kPool;
+  columns_ = panorama.mask.cols / kPool;
+  nearest_.assign(static_cast<std::size_t>(rows_) * columns_, 0);
+  for (int y = 0; y < rows_ * kPool; ++y) {
+    for (int x = 0; x < columns_ * kPool; ++x) {
+      if (panorama.mask(y, x) == 0) continue;
+      std::uint16_t& kept = nearest_[y / kPool * columns_ + x / kPool];
+      const auto range =
+          static_cast<std::uint16_t>(std::clamp(100.0f * panorama.range(y, x), 1.0f, 65535.0f));
+      if (kept == 0 || range < kept) kept = range;
+    }
+  }
+}
+
+bool Shape::isSound() const {
+  return rows_ > 0 && columns_ > 0 && lowest_ < highest_ &&
+         nearest_.size() == static_cast<std::size_t>(rows_) * columns_ &&
+         std::all_of(patches_.begin(), patches_.end(), [](const Patch& p) {
+           return p.point.allFinite() && p.normal.allFinite() && std::isfinite(p.intensity) &&
+                  std::isfinite(p.flatness);
+         });
+}
+
+bool Shape::seesThrough(const Eigen::Vector3f& point, float margin) const {
+  const float flat = point.head<2>().norm(), range = point.norm();
+  const float row =
+      (highest_ - std::atan2(point.z(), flat)) / (highest_ - lowest_) * static_cast<float>(rows_);
+  if (!(row >= 1.0f && row < static_cast<float>(rows_ - 1))) return false;
+  const int y = static_cast<int>(row);
+  const int x = static_cast<int>((M_PI - std::atan2(point.y(), point.x())) / (2.0 * M_PI) * columns_);
+  bool seen = false;
+  for (int dy = -1; dy <= 1; ++dy) {
+    for (int dx = -1; dx <= 1; ++dx) {
+      const std::uint16_t nearest = nearest_[(y + dy) * columns_ + (x + dx + columns_) % columns_];
+      if (nearest == 0) continue;
+      if (0.01f * nearest < range + margin) return false;
+      seen = true;
+    }
+  }
+  return seen;
+}
+
+}  // namespace intensity_place_recognition

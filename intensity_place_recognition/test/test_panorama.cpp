@@ -1,0 +1,190 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <cmath>
+#include <ctime>
+
+#include "intensity_place_recognition/panorama.h"
+
+namespace intensity_place_recognition {
+namespace {
+
+PanoramaOptions sphere(int width, int height) {
+  PanoramaOptions options;
+  options.width = width;
+  options.height = height;
+  options.min_elevation = -M_PI / 2.0;
+  options.max_elevation = M_PI / 2.0;
+  return options;
+}
+
+Eigen::Vector3d toDirection(double azimuth, double elevation) {
+  return {std::cos(elevation) * std::cos(azimuth), std::cos(elevation) * std::sin(azimuth),
+          std::sin(elevation)};
+}
+
+pcl::PointXYZI pointAt(const Eigen::Vector3d& position, float intensity) {
+  pcl::PointXYZI p;
+  p.getVector3fMap() = position.cast<float>();
+  p.intensity = intensity;
+  return p;
+}
+
+// A dark room 8 m around the sensor with round lights of 3 degrees, whose middle is known.
+Cloud withLights(const std::vector<Eigen::Vector3d>& lights) {
+  Cloud cloud;
+  const double step = 0.002;
+  for (double elevation = -M_PI / 2.0; elevation < M_PI / 2.0; elevation += step) {
+    for (double azimuth = -M_PI; azimuth < M_PI; azimuth += step / std::max(0.05, std::cos(elevation))) {
+      const Eigen::Vector3d direction = toDirection(azimuth, elevation);
+      double light = 0.0;
+      for (const Eigen::Vector3d& middle : lights) {
+        const double angle = std::acos(std::min(1.0, direction.dot(middle))) / 0.05;
+        light += std::exp(-0.5 * angle * angle);
+      }
+      cloud.push_back(pointAt(8.0 * direction, static_cast<float>(light)));
+    }
+  }
+  return cloud;
+}
+
+// The intensities' centroid around a pixel, in an image that wraps around.
+cv::Point2d centroid(const cv::Mat1f& image, const cv::Point2d& about, int reach) {
+  double sum = 0.0, x = 0.0, y = 0.0;
+  const int u = static_cast<int>(std::lround(about.x)), v = static_cast<int>(std::lround(about.y));
+  for (int dy = -reach; dy <= reach; ++dy) {
+    for (int dx = -reach; dx <= reach; ++dx) {
+      if (std::hypot(u + dx - about.x, v + dy - about.y) > reach) continue;
+      const float value = image(v + dy, (u + dx + image.cols) % image.cols);
+      sum += value;
+      x += value * (u + dx);
+      y += value * (v + dy);
+    }
+  }
+  return {x / sum, y / sum};
+}
+
+TEST(Panorama, ShowsDirectionsToATenthOfAPixel) {
+  const std::vector<Eigen::Vector3d> lights = {toDirection(0.003, 0.002), toDirection(1.234, 0.2),
+                                               toDirection(-2.0, -0.3), toDirection(M_PI - 0.004, 0.1)};
+  const Panorama panorama = toPanorama(withLights(lights), sphere(720, 360));
+  for (const Eigen::Vector3d& light : lights) {
+    const cv::Point2d expected = panorama.pixelOf(light);
+    EXPECT_LT((panorama.directionOf(expected) - light).norm(), 1e-9);
+    // A circle on the sphere is wider where the panorama is stretched, its middle stays but for that.
+    cv::Point2d at = centroid(panorama.intensity, expected, 24);
+    EXPECT_NEAR(expected.x, at.x, 0.1) << light.transpose();
+    EXPECT_NEAR(expected.y, at.y, 0.1) << light.transpose();
+  }
+  EXPECT_NEAR(8.0f, panorama.range(180, 360), 1e-4);
+  // Forward is in the middle, left to the left, up at the top.
+  EXPECT_NEAR(359.5, panorama.pixelOf({1.0, 0.0, 0.0}).x, 1e-9);
+  EXPECT_NEAR(179.5, panorama.pixelOf({1.0, 1.0, 0.0}).y, 1e-9);
+  EXPECT_NEAR(179.5, panorama.pixelOf({0.0, 1.0, 0.0}).x, 1e-9);
+  EXPECT_NEAR(89.5, panorama.pixelOf({1.0, 0.0, 1.0}).y, 1e-9);
+}
+
+TEST(Panorama, ViewsAreThoseOfACamera) {
+  const std::vector<Eigen::Vector3d> lights = {toDirection(0.1, 0.05), toDirection(M_PI - 0.2, -0.2),
+                                               toDirection(0.4, M_PI / 2.0 - 0.3)};
+  const Panorama panorama = toPanorama(withLights(lights), sphere(1440, 720));
+  const auto turn = [](double angle, const Eigen::Vector3d& axis) {
+    return Eigen::AngleAxisd(angle, axis).toRotationMatrix();
+  };
+  const Eigen::Matrix3d up = turn(-M_PI / 2.0, Eigen::Vector3d::UnitY());
+  const std::vector<Eigen::Matrix3d> rotations = {Eigen::Matrix3d::Identity(),
+                                                  turn(M_PI, Eigen::Vector3d::UnitZ()), up};
+  for (std::size_t i = 0; i < lights.size(); ++i) {
+    RectilinearView view;
+    view.width = 300;
+    view.height = 200;
+    view.vertical_fov = 1.2;
+    view.rotation = rotations[i];
+    const Panorama image = rectilinear(panorama, view);
+    EXPECT_EQ(cv::Size(300, 200), image.mask.size());
+    // The pinhole camera's own equation.
+    const Eigen::Vector3d ray = rotations[i].transpose() * lights[i];
+    const double fx = 150.0 / std::tan(0.5 * view.horizontal_fov),
+                 fy = 100.0 / std::tan(0.5 * view.vertical_fov);
+    const cv::Point2d expected(149.5 - fx * ray.y() / ray.x(), 99.5 - fy * ray.z() / ray.x());
+    double best = 1e9;
+    // The brightest pixel, between pixels by a parabola: a centroid would be drawn outwards by the stretch.
+    cv::Point at;
+    cv::Mat smooth = image.intensity;
+    cv::minMaxLoc(smooth, nullptr, nullptr, nullptr, &at);
+    double x = 0.0, y = 0.0, sum = 0.0;
+    for (int v = at.y - 6; v <= at.y + 6; ++v) {
+      for (int u = at.x - 6; u <= at.x + 6; ++u) {
+        const Eigen::Vector3d seen(1.0, (149.5 - u) / fx, (99.5 - v) / fy);
+        const double angle = std::acos(std::min(1.0, seen.normalized().dot(ray)));
+        EXPECT_NEAR(std::exp(-0.5 * angle * angle / 0.0025), image.intensity(v, u), 0.02);
+        // Each pixel's brightness tells how far the light is; the offset that fits all best is the error.
+        const double weight = image.intensity(v, u);
+        x += weight * (u - expected.x);
+        y += weight * (v - expected.y);
+        sum += weight;
+      }
+    }
+    best = std::hypot(x / sum, y / sum);
+    EXPECT_LT(best, 0.7);  // the window is on whole pixels
+  }
+}
+
+TEST(Panorama, AveragesWhatAPixelSees) {
+  PanoramaBuilder builder(sphere(36, 18));
+  const std::vector<pcl::PointXYZI> points = {pointAt({4.0, 0.1, 0.1}, 1.0f), pointAt({6.0, 0.1, 0.1}, 4.0f),
+                                              pointAt({4.0, 0.1, 0.1}, 1.0f), pointAt({0.5, 0.0, 0.0}, 9.0f),
+                                              pointAt({NAN, 0.1, 0.1}, 9.0f), pointAt({4.0, 0.1, 0.1}, NAN)};
+  for (const auto& point : points) builder.add(&point, 1);
+  EXPECT_EQ(3u, builder.points());
+  const Panorama panorama = builder.panorama();
+  EXPECT_EQ(1, cv::countNonZero(panorama.mask));
+  EXPECT_NEAR(2.0f, panorama.intensity(8, 17), 1e-5);
+  EXPECT_NEAR(14.0f / 3.0f, panorama.range(8, 17), 0.01);
+}
+
+TEST(Panorama, FillsTheHolesOfSparseLidars) {
+  PanoramaBuilder builder(sphere(36, 18));
+  for (int x = 0; x < 36; x += 2) {
+    for (const int y : {3, 6, 14}) {
+      const double azimuth = M_PI - (x + 0.5) / 36.0 * 2.0 * M_PI,
+                   elevation = M_PI / 2.0 - (y + 0.5) / 18.0 * M_PI;
+      const auto point = pointAt((y + 1.0) * toDirection(azimuth, elevation), static_cast<float>(y));
+      builder.add(&point, 1);
+    }
+  }
+  const Panorama panorama = builder.panorama(3);
+  EXPECT_EQ(255, panorama.mask(3, 0));
+  EXPECT_EQ(128, panorama.mask(4, 0));
+  EXPECT_NEAR(4.0f, panorama.intensity(4, 0), 1e-5);
+  EXPECT_NEAR(6.0f, panorama.range(5, 35), 1e-4);  // over the edge
+  EXPECT_EQ(0, panorama.mask(10, 0)) << "a hole of seven rows is filled";
+  EXPECT_EQ(0, panorama.mask(2, 0));
+  EXPECT_EQ(3 * 18, cv::countNonZero(builder.panorama().mask));
+}
+
+TEST(Panorama, TenMillionPointsTakeTwoSeconds) {
+  std::vector<pcl::PointXYZI> chunk(100000);
+  for (std::size_t i = 0; i < chunk.size(); ++i)
+    chunk[i] = pointAt(10.0 * toDirection(i * 0.0001, std::sin(i * 0.001)), 1.0f);
+  PanoramaBuilder builder(sphere(4096, 2048));
+  const std::clock_t start = std::clock();
+  for (int i = 0; i < 100; ++i) builder.add(chunk.data(), chunk.size());
+  const double seconds = static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC;
+  EXPECT_EQ(10000000u, builder.points());
+  RecordProperty("milliseconds", static_cast<int>(1e3 * seconds));
+  EXPECT_LT(seconds, 8.0) << "of processor time, where it takes a quarter of that";
+}
+
+TEST(Panorama, RefusesOptionsThatWontDo) {
+  PanoramaOptions options;
+  options.max_elevation = options.min_elevation;
+  EXPECT_THROW(PanoramaBuilder{options}, std::invalid_argument);
+  RectilinearView view;
+  view.horizontal_fov = 4.0;
+  EXPECT_THROW(rectilinear(toPanorama({}, {}), view), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace intensity_place_recognition

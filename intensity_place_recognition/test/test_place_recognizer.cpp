@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <gtest/gtest.h>
+#include <mapping_common/files.h>
+#include <mapping_common/testing/temp_dir.h>
+
+#include <cmath>
+
+#include "intensity_place_recognition/place_recognizer.h"
+#include "test_street.h"
+
+namespace intensity_place_recognition {
+namespace {
+
+std::string whyRefused(const Cloud& cloud) {
+  try {
+    PlaceRecognizer().describe(cloud);
+  } catch (const std::invalid_argument& e) {
+    return e.what();
+  }
+  return "";
+}
+
+TEST(PlaceRecognizer, FindsAPlaceInAnyDirectionWithItsPose) {
+  PlaceRecognizer recognizer;
+  for (unsigned seed = 1; seed <= 6; ++seed) {
+    const Recognition first = recognizer.process(Street(seed).scan(Street::at(0.0, 0.0, 0.1 * seed)));
+    EXPECT_FALSE(first.registration.accepted) << seed;
+  }
+  for (unsigned seed = 1; seed <= 6; ++seed) {
+    Eigen::Isometry3d pose = Street::at(1.5, -1.0, 3.0 + 0.5 * seed);
+    pose.rotate(Eigen::AngleAxisd(0.02, Eigen::Vector3d::UnitX()));
+    pose.translation().z() = 0.1;
+    const Recognition again = recognizer.process(Street(seed).scan(pose));
+    EXPECT_EQ(static_cast<int>(seed) - 1, again.match);
+    EXPECT_TRUE(again.registration.accepted) << again.registration.score;
+    const Eigen::Isometry3d expected = Street::at(0.0, 0.0, 0.1 * seed).inverse() * pose;
+    const Eigen::Isometry3d error = expected.inverse() * again.registration.pose;
+    EXPECT_LT(error.translation().norm(), 0.1);
+    EXPECT_LT(Eigen::AngleAxisd(error.linear()).angle(), 0.01);
+    const Matrix6& covariance = again.registration.covariance;
+    EXPECT_GT(covariance.ldlt().vectorD().minCoeff(), 0.0);
+    EXPECT_LT(error.translation().norm(), 4.0 * std::sqrt(covariance.diagonal().head<3>().sum()));
+  }
+}
+
+TEST(PlaceRecognizer, SavesAndLoads) {
+  const mapping_common::TempDir dir;
+  const std::string path = dir.path("places.db");
+  PlaceRecognizerOptions options;
+  options.description.type = "hog";
+  PlaceRecognizer recognizer(options);
+  for (unsigned seed = 1; seed <= 3; ++seed) recognizer.process(Street(seed).scan(Street::at(0.0, 0.0, 0.0)));
+  recognizer.save(path);
+
+  PlaceRecognizer other;
+  other.load(path);
+  EXPECT_EQ(3, other.places());
+  EXPECT_EQ("hog", other.options().description.type);
+  const Cloud again = Street(2).scan(Street::at(0.5, 0.0, 1.0));
+  const Recognition a = recognizer.process(again), b = other.process(again);
+  EXPECT_EQ(1, b.match);
+  EXPECT_EQ(a.registration.score, b.registration.score);
+  EXPECT_TRUE(a.registration.pose.isApprox(b.registration.pose, 0.0));
+
+  // What is in memory stays where a file won't do.
+  const std::string whole = mapping_common::readFile(path);
+  for (std::string broken : {whole.substr(0, whole.size() / 2), std::string("PLACEDB1"),
+                             std::string("nonsense"), whole.substr(0, 5000) + '!' + whole.substr(5001)}) {
+    EXPECT_THROW(other.load(dir.write("broken.db", broken)), std::runtime_error);
+    EXPECT_EQ(4, other.places());
+  }
+  EXPECT_THROW(other.load(dir.path("absent.db")), std::runtime_error);
+}
+
+TEST(PlaceRecognizer, SaysWhyACloudWontDo) {
+  const Cloud good = Street(1).scan(Street::at(0.0, 0.0, 0.0));
+  EXPECT_EQ("", whyRefused(good));
+  EXPECT_EQ("the cloud is empty", whyRefused({}));
+  Cloud bad = good;
+  for (auto& p : bad) p.x = NAN;
+  EXPECT_EQ("none of the cloud's " + std::to_string(good.size()) + " points is finite", whyRefused(bad));
+  bad = good;
+  for (auto& p : bad) p.intensity = 0.0f;
+  EXPECT_EQ("all intensities are 0: the sensor gives none, or the driver drops them", whyRefused(bad));
+  bad = good;
+  for (auto& p : bad) p.z = 0.0f;
+  EXPECT_NE(std::string::npos, whyRefused(bad).find("in one ring")) << whyRefused(bad);
+  bad = good;
+  for (auto& p : bad) p.getVector3fMap() *= 1e-3f;
+  EXPECT_NE(std::string::npos, whyRefused(bad).find("1 to 120 m from the sensor")) << whyRefused(bad);
+  bad = good;
+  for (auto& p : bad) p.getVector3fMap() += Eigen::Vector3f(60.0f, 40.0f, 0.0f);
+  EXPECT_NE(std::string::npos, whyRefused(bad).find("sensor's own frame")) << whyRefused(bad);
+  // A few that are no returns do no harm.
+  bad = good;
+  for (std::size_t i = 0; i < bad.size(); i += 10) bad[i].x = bad[i].y = bad[i].z = NAN;
+  EXPECT_EQ("", whyRefused(bad));
+}
+
+}  // namespace
+}  // namespace intensity_place_recognition
