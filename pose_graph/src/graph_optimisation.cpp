@@ -10,6 +10,7 @@ namespace pose_graph {
 namespace {
 
 constexpr std::size_t kReach = 5;        // poses, between loops of one group
+constexpr double kFar = 4.0;             // chi2 over the threshold, of loops that don't nearly fit
 constexpr std::size_t kMostAllies = 20;  // loops that are tried with a group again
 
 }  // namespace
@@ -99,13 +100,17 @@ bool GraphOptimisation::tryGroup(const Edges& group) {
   const auto agreesWithAll = [&](std::size_t e, const Edges& others) {
     return std::all_of(others.begin(), others.end(), [&](std::size_t other) { return agree(e, other); });
   };
-  tryWith(group, {});
   Edges against, allies;
   for (std::size_t e = 0; e < shifts_.size(); ++e) {
     if (!isLoop(e) || std::find(group.begin(), group.end(), e) != group.end()) continue;
     const bool agrees = agreesWithAll(e, group);
     if (graph_.edges()[e].active != agrees) (agrees ? allies : against).push_back(e);
   }
+  const bool outvoted = against.size() > 2 * (group.size() + allies.size()) + 2;
+  const bool is_far = std::all_of(group.begin(), group.end(),
+                                  [&](std::size_t e) { return graph_.chi2(e) > kFar * threshold_; });
+  if (outvoted && is_far) return false;
+  tryWith(group, {});
   // What was refused, and says the same as the group: together they may be believed.
   const auto distance = [&](std::size_t a, std::size_t b) {
     const auto apart = [](std::size_t i, std::size_t j) { return std::max(i, j) - std::min(i, j); };
@@ -124,7 +129,7 @@ bool GraphOptimisation::tryGroup(const Edges& group) {
     return edges;
   };
   if (!allies.empty()) tryWith(inactive(allies), {});
-  if (against.empty() || against.size() > 2 * (group.size() + allies.size()) + 2) return false;
+  if (against.empty() || outvoted) return false;
   Edges instead;
   for (const std::size_t e : allies)
     if (!agreesWithAll(e, against)) instead.push_back(e);

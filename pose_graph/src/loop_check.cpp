@@ -92,11 +92,13 @@ class Check {
   OptimisationResult doubt(OptimisationResult result) {
     double cost = truncatedCost(graph_);
     bool better = true;
-    for (int round = 0; better && round < 100; ++round) {
+    int doubts = 0;
+    while (better && doubts < options_.max_doubts) {
       better = false;
       for (const std::vector<std::size_t>& group : groups()) {
         const double removed = c2_ * static_cast<double>(group.size());
         if (result.chi2 < removed) continue;  // more than there is to be gained
+        if (++doubts > options_.max_doubts) break;
         Graph tried = graph_;
         for (const std::size_t e : group) tried.setActive(e, false);
         optimise(tried, options_.optimisation, progress_);
@@ -175,6 +177,7 @@ void LoopCheckOptions::describe(mapping_common::OptionList& o) {
   o("confidence", confidence, "", "share of right loops that is accepted, if their information is right")
       .above(0.5)
       .below(1.0);
+  o("max_doubts", max_doubts, "", "optimisations without some group of accepted loops").within(0, 1000000);
   optimisation.describe(o);
 }
 

@@ -19,6 +19,7 @@
 #include "pose_graph/g2o_file.h"
 #include "pose_graph/initialisation.h"
 #include "pose_graph/loop_check.h"
+#include "pose_graph/online_graph.h"
 
 namespace po = boost::program_options;
 
@@ -34,10 +35,12 @@ const char kUsage[] =
     "distance of positions, m), precision and recall of the loops it keeps, and processor time, as a "
     "table.\n";
 
+const char kOnline[] = "online";
+
 struct Arguments {
   std::vector<std::string> graphs, methods;
   std::vector<double> shares;
-  int seeds = 3, group = 1;
+  int seeds = 3, group = 1, batch = 10;
   LoopCheckOptions options;
 };
 
@@ -49,8 +52,10 @@ bool parse(int argc, char** argv, Arguments& a) {
       "of all loops that is false, in [0, 1)");
   add("group", po::value(&a.group)->default_value(a.group), "so many false loops agree with each other");
   add("seeds", po::value(&a.seeds)->default_value(a.seeds), "runs with other false loops");
-  add("method", po::value(&a.methods)->multitoken()->default_value({"none", "gnc", "pcm", "dcs"}, "all"),
-      "none | gnc | pcm | dcs");
+  add("method",
+      po::value(&a.methods)->multitoken()->default_value({"none", "gnc", "pcm", "dcs", "online"}, "all"),
+      "none | gnc | pcm | dcs: all at once; online: as they come while driving");
+  add("batch", po::value(&a.batch)->default_value(a.batch), "online: poses between optimisations");
   add("confidence", po::value(&a.options.confidence)->default_value(a.options.confidence),
       "share of right loops that is accepted");
   auto add_unnamed = unnamed.add_options();
@@ -60,7 +65,9 @@ bool parse(int argc, char** argv, Arguments& a) {
   for (const double share : a.shares)
     if (!(share >= 0.0 && share < 1.0)) throw po::error("--share must be in [0, 1)");
   if (a.group < 1 || a.seeds < 1) throw po::error("--group and --seeds must be 1 at least");
-  for (const std::string& method : a.methods) mapping_common::valueOf<LoopCheck>(method);
+  if (a.batch < 1) throw po::error("--batch must be 1 at least");
+  for (const std::string& method : a.methods)
+    if (method != kOnline) mapping_common::valueOf<LoopCheck>(method);
   mapping_common::validate(a.options, "--");
   return true;
 }
@@ -99,6 +106,43 @@ void addFalseLoops(Graph& graph, const Graph& optimum, double share, int group, 
   }
 }
 
+/// As a robot gets them: loops come with the later of their poses, and are tried after each `batch` poses.
+void checkOnline(Graph& graph, const Arguments& a) {
+  OnlineOptions options;
+  options.planar = graph.planar();
+  options.confidence = a.options.confidence;
+  OnlineGraph online(options);
+  std::vector<std::vector<std::size_t>> ending(graph.nodes().size());
+  for (std::size_t e = 0; e < graph.edges().size(); ++e)
+    ending[std::max(graph.edges()[e].from, graph.edges()[e].to)].push_back(e);
+  std::vector<std::size_t> order;
+  const auto stamp = [](std::size_t node) { return static_cast<std::int64_t>(node + 1) * 1'000'000'000; };
+  const auto optimise = [&](bool all) {
+    auto task = online.begin(all);
+    if (!task) return;
+    task->run();
+    online.finish(std::move(*task));
+  };
+  for (std::size_t i = 0; i < graph.nodes().size(); ++i) {
+    std::stable_sort(ending[i].begin(), ending[i].end(), [&](std::size_t x, std::size_t y) {
+      return graph.edges()[x].type < graph.edges()[y].type;
+    });
+    for (const std::size_t e : ending[i]) {
+      const Edge& edge = graph.edges()[e];
+      const bool chain = edge.type == EdgeType::kConsecutive;
+      online.add({stamp(edge.from), stamp(edge.to), edge.type, edge.transform, edge.information,
+                  chain ? "edges" : "loops " + std::to_string(e), false});
+      order.push_back(e);
+    }
+    if (i % a.batch == 0) optimise(false);
+  }
+  optimise(false);
+  for (std::size_t i = 0; i < order.size(); ++i) graph.setActive(order[i], online.graph().edges()[i].active);
+  const Pose shift = graph.nodes()[0].pose * online.graph().nodes()[0].pose.inverse();
+  for (std::size_t i = 0; i < graph.nodes().size(); ++i)
+    graph.setPose(i, shift * online.graph().nodes()[*online.find(stamp(i))].pose);
+}
+
 void run(const Arguments& a) {
   std::vector<std::vector<std::string>> rows = {
       {"graph", "method", "false", "mean error (m)", "worst", "precision", "recall", "time (s)"}};
@@ -122,10 +166,13 @@ void run(const Arguments& a) {
                     << "      " << std::flush;
           Graph tried = graph;
           LoopCheckOptions options = a.options;
-          options.method = mapping_common::valueOf<LoopCheck>(method);
+          if (method != kOnline) options.method = mapping_common::valueOf<LoopCheck>(method);
           addFalseLoops(tried, optimum, share, a.group, options.threshold(graph.dimension()), seed);
           const std::clock_t start = std::clock();
-          optimiseAndCheck(tried, options);
+          if (method == kOnline)
+            checkOnline(tried, a);
+          else
+            optimiseAndCheck(tried, options);
           seconds += static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC;
           double error = 0.0;
           for (std::size_t i = 0; i < tried.nodes().size(); ++i)

@@ -25,6 +25,7 @@ constexpr auto choicesOf(LoopCheck) {
 struct LoopCheckOptions {
   LoopCheck method = LoopCheck::kPcm;
   double confidence = 0.999;
+  int max_doubts = 100;
   OptimisationOptions optimisation;
 
   void describe(mapping_common::OptionList& o);

@@ -32,7 +32,7 @@ struct OnlineOptions {
   double confidence = 0.999;
   double odometry_scale = 1.0;
   int max_doubts = 5;
-  OptimisationOptions optimisation{50, 1e-6};
+  OptimisationOptions optimisation{20, 1e-6};
 
   void describe(mapping_common::OptionList& o);
 };
