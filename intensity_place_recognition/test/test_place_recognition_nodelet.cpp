@@ -101,10 +101,10 @@ TEST_F(PlaceRecognitionNodeletTest, DropsCloudsThatWontDo) {
   ASSERT_EQ(3u, cloud.fields.size());
   clouds_.publish(cloud);
   expectDiagnostic("Input", "Dropped: malformed", "1");
+  cloud = message(1, Street::at(0.0, 0.0, 0.0), 102.0);  // empty
   cloud.data.clear();
   cloud.width = 0;
   cloud.row_step = 0;
-  cloud.header.stamp.fromSec(102.0);
   clouds_.publish(cloud);
   expectDiagnostic("Input", "Dropped: malformed", "2");
   publish(message(1, Street::at(0.0, 0.0, 0.0), 104.0), "1");

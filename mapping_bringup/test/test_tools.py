@@ -12,8 +12,9 @@ import unittest
 import catkin.find_in_workspaces
 import rosunit
 
-PACKAGES = ['hokuyo_sick_drivers', 'ibuild_loop_closure', 'intensity_hector_slam',
-            'intensity_place_recognition', 'laser_intensity_calib', 'mapping_common', 'mapping_simulation', 'pose_graph', 'rosbag_tests', 'rtree_occupancy_map']
+PACKAGES = ['hokuyo_sick_drivers', 'ibuild_loop_closure', 'intensity_hector_slam', 'intensity_place_recognition',
+            'laser_intensity_calib', 'mapping_common', 'mapping_simulation', 'pose_graph', 'rosbag_tests',
+            'rtree_occupancy_map']
 # Without matplotlib, figures can't be drawn, but help can be had: an empty module stands in its place.
 SCRIPTS = pathlib.Path(__file__).resolve().parents[2] / 'scripts'
 WITHOUT_MATPLOTLIB = str(pathlib.Path(__file__).resolve().parent / 'without_matplotlib')
