@@ -59,7 +59,7 @@ float reachOf(const Shape& shape) {
 }  // namespace
 
 Registrar::Registrar(const Shape& match, const RegistrationOptions& options)
-    : match_(match), options_(options), tree_(treeOf(match)) {
+    : match_(match), options_(options) {
   const int cells =
       2 * static_cast<int>(std::ceil((reachOf(match) + 2.0 * options.max_distance) / kCell)) + 2;
   ground_plan_ = groundPlan(match, 0.0, cells);
@@ -102,7 +102,7 @@ Guess Registrar::guess(const Shape& query, const std::vector<double>& yaws) cons
 }
 
 // Iterative closest points, point to plane.
-bool Registrar::refine(const Shape& query, Registration& result) const {
+bool Registrar::refine(const Shape& query, const Tree& tree, Registration& result) const {
   std::vector<int> index;
   std::vector<float> squared;
   Matrix6 information = Matrix6::Zero();
@@ -118,7 +118,7 @@ bool Registrar::refine(const Shape& query, Registration& result) const {
     for (std::size_t p = 0; p < query.patches().size(); p += stride) {
       const Patch& patch = query.patches()[p];
       const Eigen::Vector3f point = pose * patch.point;
-      const std::size_t found = nearest(tree_, point, reach, index, squared);
+      const std::size_t found = nearest(tree, point, reach, index, squared);
       if (found == SIZE_MAX) continue;
       const Patch& other = match_.patches()[found];
       const float alike = std::abs(other.normal.dot(pose.linear() * patch.normal));
@@ -152,7 +152,7 @@ bool Registrar::refine(const Shape& query, Registration& result) const {
 }
 
 // Both scans must see what either sees.
-void Registrar::judge(const Shape& query, Registration& result) const {
+void Registrar::judge(const Shape& query, const Tree& tree, Registration& result) const {
   const auto query_tree = treeOf(query);
   std::vector<int> index;
   std::vector<float> squared;
@@ -172,7 +172,7 @@ void Registrar::judge(const Shape& query, Registration& result) const {
         ++missing;
     }
   };
-  look(query, match_, tree_, result.pose.cast<float>());
+  look(query, match_, tree, result.pose.cast<float>());
   look(match_, query, query_tree, result.pose.inverse().cast<float>());
   result.agreement =
       matched > 0 ? static_cast<double>(matched) / static_cast<double>(matched + missing) : 0.0;
@@ -188,8 +188,9 @@ Registration Registrar::operator()(const Shape& query, const Guess& guess) const
   Registration result;
   result.pose = guess.pose;
   if (query.patches().size() < kFewestPairs || match_.patches().size() < kFewestPairs) return result;
-  if (!refine(query, result)) return result;
-  judge(query, result);
+  const Tree tree = treeOf(match_);
+  if (!refine(query, tree, result)) return result;
+  judge(query, tree, result);
   result.score = result.agreement * result.common;
   result.accepted =
       result.score >= options_.min_score && result.pose.translation().norm() <= options_.max_distance;

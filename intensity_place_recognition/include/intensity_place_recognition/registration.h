@@ -57,12 +57,12 @@ class Registrar {
   Registration operator()(const Shape& query, const Guess& guess) const;
 
  private:
-  bool refine(const Shape& query, Registration& result) const;
-  void judge(const Shape& query, Registration& result) const;
+  using Tree = pcl::KdTreeFLANN<pcl::PointXYZ>;  // of the match's patches
+  bool refine(const Shape& query, const Tree& tree, Registration& result) const;
+  void judge(const Shape& query, const Tree& tree, Registration& result) const;
 
   const Shape& match_;
   RegistrationOptions options_;
-  pcl::KdTreeFLANN<pcl::PointXYZ> tree_;
   cv::Mat1f ground_plan_;
 };
 
