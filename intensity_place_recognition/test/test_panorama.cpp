@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <gtest/gtest.h>
+#include <mapping_common/testing/slowness.h>
 
 #include <chrono>
 #include <cmath>
@@ -174,7 +175,7 @@ TEST(Panorama, TenMillionPointsTakeTwoSeconds) {
   const double seconds = static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC;
   EXPECT_EQ(10000000u, builder.points());
   RecordProperty("milliseconds", static_cast<int>(1e3 * seconds));
-  EXPECT_LT(seconds, 8.0) << "of processor time, where it takes a quarter of that";
+  EXPECT_LT(seconds, 2.0 * mapping_common::kSlowness) << "of processor time";
 }
 
 TEST(Panorama, RefusesOptionsThatWontDo) {
