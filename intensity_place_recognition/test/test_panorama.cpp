@@ -89,7 +89,7 @@ TEST(Panorama, ShowsDirectionsToATenthOfAPixel) {
 TEST(Panorama, ViewsAreThoseOfACamera) {
   const std::vector<Eigen::Vector3d> lights = {toDirection(0.1, 0.05), toDirection(M_PI - 0.2, -0.2),
                                                toDirection(0.4, M_PI / 2.0 - 0.3)};
-  const Panorama panorama = toPanorama(withLights(lights), sphere(1440, 720));
+  const Panorama panorama = toPanorama(withLights(lights), sphere(1440, 720), 20);
   const auto turn = [](double angle, const Eigen::Vector3d& axis) {
     return Eigen::AngleAxisd(angle, axis).toRotationMatrix();
   };
@@ -109,26 +109,25 @@ TEST(Panorama, ViewsAreThoseOfACamera) {
     const double fx = 150.0 / std::tan(0.5 * view.horizontal_fov),
                  fy = 100.0 / std::tan(0.5 * view.vertical_fov);
     const cv::Point2d expected(149.5 - fx * ray.y() / ray.x(), 99.5 - fy * ray.z() / ray.x());
-    double best = 1e9;
-    // The brightest pixel, between pixels by a parabola: a centroid would be drawn outwards by the stretch.
-    cv::Point at;
-    cv::Mat smooth = image.intensity;
-    cv::minMaxLoc(smooth, nullptr, nullptr, nullptr, &at);
-    double x = 0.0, y = 0.0, sum = 0.0;
-    for (int v = at.y - 6; v <= at.y + 6; ++v) {
-      for (int u = at.x - 6; u <= at.x + 6; ++u) {
-        const Eigen::Vector3d seen(1.0, (149.5 - u) / fx, (99.5 - v) / fy);
-        const double angle = std::acos(std::min(1.0, seen.normalized().dot(ray)));
-        EXPECT_NEAR(std::exp(-0.5 * angle * angle / 0.0025), image.intensity(v, u), 0.02);
-        // Each pixel's brightness tells how far the light is; the offset that fits all best is the error.
-        const double weight = image.intensity(v, u);
-        x += weight * (u - expected.x);
-        y += weight * (v - expected.y);
-        sum += weight;
+    // How far the light is from where it should be, by the differences of brightness around it.
+    const auto light = [&](double u, double v) {
+      const Eigen::Vector3d seen(1.0, (149.5 - u) / fx, (99.5 - v) / fy);
+      const double angle = std::acos(std::min(1.0, seen.normalized().dot(ray))) / 0.05;
+      return std::exp(-0.5 * angle * angle);
+    };
+    Eigen::Matrix2d squares = Eigen::Matrix2d::Zero();
+    Eigen::Vector2d sums = Eigen::Vector2d::Zero();
+    const int x = static_cast<int>(std::lround(expected.x)), y = static_cast<int>(std::lround(expected.y));
+    for (int v = y - 12; v <= y + 12; ++v) {
+      for (int u = x - 12; u <= x + 12; ++u) {
+        const Eigen::Vector2d slope(0.5 * (light(u + 1, v) - light(u - 1, v)),
+                                    0.5 * (light(u, v + 1) - light(u, v - 1)));
+        squares += slope * slope.transpose();
+        sums += slope * (light(u, v) - image.intensity(v, u));
+        EXPECT_NEAR(light(u, v), image.intensity(v, u), 0.02);
       }
     }
-    best = std::hypot(x / sum, y / sum);
-    EXPECT_LT(best, 0.7);  // the window is on whole pixels
+    EXPECT_LT((squares.inverse() * sums).norm(), 0.1) << "pixels, view " << i;
   }
 }
 
