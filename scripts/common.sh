@@ -32,7 +32,8 @@ packages_drivers=(
 packages_build=(
   "${packages_drivers[@]}"
   libcv-bridge-dev libimage-transport-dev libmap-msgs-dev
-  libboost-iostreams-dev libceres-dev libgtest-dev liblzma-dev liboctomap-dev libopencv-dev libpcl-dev libqhull-dev
+  libboost-iostreams-dev libceres-dev libflann-dev libgtest-dev liblz4-dev liblzma-dev liboctomap-dev libopencv-dev
+  libpcl-dev libqhull-dev
   libsqlite3-dev libzstd-dev pybind11-dev python3-dev python3-numpy python3-rostest xz-utils
 )
 packages_pictures=(rviz xvfb imagemagick)
