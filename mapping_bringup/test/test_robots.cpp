@@ -72,6 +72,7 @@ TEST(Robots, ShareNothingButTransformsAndDiagnostics) {
   const std::set<std::string> shared = {"/clock", "/diagnostics", "/rosout", "/tf", "/tf_static"};
   const std::set<std::string> names = namesOfRobots();
   EXPECT_TRUE(names.count("/alice/map") && names.count("/bob/map"));
+  EXPECT_TRUE(names.count("/alice/places"));
   EXPECT_TRUE(names.count("/alice/graph_path") && !names.count("/bob/graph_path")) << "as each was told";
   for (const std::string& name : names) EXPECT_TRUE(belongsToARobot(name) || shared.count(name)) << name;
 }

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 # The whole: a robot drives through a building whose rooms and corridors are alike but for what their walls reflect.
-# Drivers, reflectivities, SLAM, loops of laser and camera, pose graph, corrected maps.
+# Drivers, reflectivities, SLAM, loops of laser, camera and lidar, pose graph, corrected maps.
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 here=$out/building
 mkdir -p "$here"
@@ -14,13 +14,13 @@ rosrun mapping_simulation simulate --world config/worlds/building.yaml --sensor 
   --sensor config/simulator/camera_robot.yaml --sensor config/simulator/velodyne_vlp16_2hz.yaml --no-map-tf --clock-rate 0 \
   --translation-noise 0.02 --rotation-noise 0.01 --seed 1 --out "$here/drive.bag" --ground-truth "$here/truth.tum"
 
-echo "Driving: emulated Hokuyo -> driver -> reflectivities -> SLAM, 3D map, loops, pose graph"
+echo "Driving: emulated Hokuyo -> driver -> reflectivities -> SLAM, 3D map, loops, places, pose graph"
 port=$(free_port)
 screen
 launch robot.launch ip_address:=127.0.0.1 ip_port:="$port" odom_frame:=odom slam_config:="$here/slam.yaml" \
   calibration:="$workspace/laser_intensity_calib/config/reflectivity_hokuyo_utm30lx.yaml" \
   mapping:=true mapping_config:="$here/mapping.yaml" cloud:=velodyne_points resolution:=0.1 loop_closure:=true \
-  pose_graph:=true session_file:="$here/building.session"
+  place_recognition:=true pose_graph:=true session_file:="$here/building.session"
 robot=$launched
 until_logged 'process\[pose_graph-.*started' "$robot"
 rosrun hokuyo_sick_drivers hokuyo_emulator --tcp "$port" --topic /simulated_scan >"$here/emulator.log" 2>&1 &
