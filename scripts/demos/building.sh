@@ -23,6 +23,7 @@ launch robot.launch ip_address:=127.0.0.1 ip_port:="$port" odom_frame:=odom slam
   place_recognition:=true pose_graph:=true session_file:="$here/building.session"
 robot=$launched
 until_logged 'process\[pose_graph-.*started' "$robot"
+kill -0 "$robot" 2>/dev/null || { tail -5 "$log" >&2; fail "roslaunch ended, see $log"; }
 rosrun hokuyo_sick_drivers hokuyo_emulator --tcp "$port" --topic /simulated_scan >"$here/emulator.log" 2>&1 &
 background+=("$!")
 # The whole floor, without what is above it.
