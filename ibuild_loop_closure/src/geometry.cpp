@@ -197,12 +197,11 @@ std::optional<RelativePose> relativePose(const View& query, const View& match, c
     Eigen::Matrix<double, 2, 3> project;
     project << camera.fx / x.z(), 0, -camera.fx * x.x() / (x.z() * x.z()), 0, camera.fy / x.z(),
         -camera.fy * x.y() / (x.z() * x.z());
-    // A small motion (v, w) of the query's camera in its own frame moves the point by -v + x cross w. The
-    // transform's translation is in the match's frame: v = R dt.
+    // A small motion (v, w) of the query's camera in its own frame moves the point by -v + x cross w.
     Eigen::Matrix3d cross;
     cross << 0, -x.z(), x.y(), x.z(), 0, -x.x(), -x.y(), x.x(), 0;
     Eigen::Matrix<double, 2, 6> jacobian;
-    jacobian << -project * r, project * cross;
+    jacobian << -project, project * cross;
     pose.information += jacobian.transpose() * jacobian;
     const double du = camera.fx * x.x() / x.z() + camera.cx - good_pixels[i].x;
     const double dv = camera.fy * x.y() / x.z() + camera.cy - good_pixels[i].y;

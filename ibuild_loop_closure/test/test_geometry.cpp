@@ -156,7 +156,8 @@ TEST(Verify, SaysHowCertainThePoseIs) {  // errors over many scenes agree with t
     ASSERT_TRUE(result.pose.has_value());
     const Eigen::Isometry3d& estimate = result.pose->transform;
     Eigen::Matrix<double, 6, 1> error;
-    error.head<3>() = estimate.translation() - smallMotion().translation();
+    error.head<3>() =
+        smallMotion().linear().transpose() * (estimate.translation() - smallMotion().translation());
     const Eigen::AngleAxisd rotation(smallMotion().linear().transpose() * estimate.linear());
     error.tail<3>() = rotation.angle() * rotation.axis();
     sum += error.dot(result.pose->information * error);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "intensity_hector_slam/key_poses.h"
 
+#include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <cmath>
 #include <stdexcept>
@@ -18,6 +19,13 @@ bool isJump(const Edge& loop) {
   constexpr double kDistance = 0.2, kAngle = 0.05;  // m, rad
   const Pose error = between(between(loop.from.pose, loop.to.pose), loop.transform);
   return error.head<2>().norm() > kDistance || std::abs(error.z()) > kAngle;
+}
+
+Eigen::Matrix3d informationAtEnd(const Edge& edge) {
+  Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
+  turn.topLeftCorner<2, 2>() = Eigen::Rotation2Dd(edge.transform.z()).toRotationMatrix();
+  const Eigen::Matrix3d turned = turn.transpose() * edge.information * turn;
+  return 0.5 * (turned + turned.transpose());
 }
 
 KeyPoses::KeyPoses(double distance, double angle, const Drift& drift)

@@ -160,8 +160,8 @@ TEST(MapConversion, EdgesKeepTheirInformation) {
   Edge edge;
   edge.from = {3, 10.0, {1, 2, 3}};
   edge.to = {4, 12.5, {2, 2, 3}};
-  edge.transform = {1.0, 0.5, 0.2};
-  edge.information << 1, 2, 3, 2, 5, 6, 3, 6, 9;
+  edge.transform = {1.0, 0.5, M_PI / 2};
+  edge.information << 1, 2, 3, 2, 5, 6, 3, 6, 9;  // in the axes of the first pose; the second's x is its y
   const auto message = toMessage(edge, "map", "base_link");
   EXPECT_EQ(ros::Time(10.0), message.from_stamp);
   EXPECT_EQ(ros::Time(12.5), message.header.stamp);
@@ -169,9 +169,12 @@ TEST(MapConversion, EdgesKeepTheirInformation) {
   EXPECT_EQ(4u, message.to_id);
   EXPECT_TRUE(message.has_transform);
   EXPECT_EQ(mapping_msgs::EdgeConstraint::CONSECUTIVE, message.type);
-  EXPECT_EQ(2.0, message.information[1]);
-  EXPECT_EQ(3.0, message.information[5]);
-  EXPECT_EQ(9.0, message.information[35]);
+  EXPECT_NEAR(5.0, message.information[0], 1e-12);
+  EXPECT_NEAR(1.0, message.information[7], 1e-12);
+  EXPECT_NEAR(-2.0, message.information[1], 1e-12);
+  EXPECT_NEAR(6.0, message.information[5], 1e-12);
+  EXPECT_NEAR(-3.0, message.information[11], 1e-12);
+  EXPECT_NEAR(9.0, message.information[35], 1e-12);
   EXPECT_EQ(0.0, message.information[14]);
   EXPECT_EQ("base_link", message.frame_id);
 }

@@ -2,6 +2,7 @@
 #include "intensity_place_recognition/registration.h"
 
 #include <Eigen/Cholesky>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <numeric>
@@ -57,6 +58,18 @@ float reachOf(const Shape& shape) {
 }
 
 }  // namespace
+
+Matrix6 informationAtQuery(const Registration& registration) {
+  // With T the pose, exp(a) T = T exp(b) where a = Ad(T) b.
+  const Eigen::Matrix3d r = registration.pose.rotation();
+  const Eigen::Vector3d t = registration.pose.translation();
+  Eigen::Matrix3d cross;
+  cross << 0, -t.z(), t.y(), t.z(), 0, -t.x(), -t.y(), t.x(), 0;
+  Matrix6 adjoint = Matrix6::Zero();
+  adjoint << r, cross * r, Eigen::Matrix3d::Zero(), r;
+  const Matrix6 information = adjoint.transpose() * registration.covariance.inverse() * adjoint;
+  return 0.5 * (information + information.transpose());
+}
 
 Registrar::Registrar(const Shape& match, const RegistrationOptions& options)
     : match_(match), options_(options) {

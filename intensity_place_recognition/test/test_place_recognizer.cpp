@@ -97,5 +97,29 @@ TEST(PlaceRecognizer, SaysWhyACloudWontDo) {
   EXPECT_EQ("", whyRefused(bad));
 }
 
+/// A small motion, translation first.
+Eigen::Isometry3d motion(const Eigen::Matrix<double, 6, 1>& small) {
+  const Eigen::Vector3d turn = small.tail<3>();
+  return Eigen::Translation3d(small.head<3>()) * Eigen::AngleAxisd(turn.norm(), turn.normalized());
+}
+
+TEST(Information, IsOfTheSameErrorInTheAxesOfTheQuery) {
+  Registration registration;
+  registration.pose = Eigen::Translation3d(3.0, -2.0, 0.5) *
+                      Eigen::AngleAxisd(2.1, Eigen::Vector3d(0.2, 0.1, 1.0).normalized());
+  Matrix6 root = Matrix6::Random();
+  registration.covariance = root * root.transpose() + Matrix6::Identity();
+  for (int i = 0; i < 5; ++i) {
+    const Eigen::Matrix<double, 6, 1> at_query = 1e-5 * Eigen::Matrix<double, 6, 1>::Random();
+    // The same pose by an error in the axes of the match.
+    const Eigen::Isometry3d error = registration.pose * motion(at_query) * registration.pose.inverse();
+    const Eigen::AngleAxisd turn(error.rotation());
+    Eigen::Matrix<double, 6, 1> at_match;
+    at_match << error.translation(), turn.angle() * turn.axis();
+    const double expected = at_match.dot(registration.covariance.inverse() * at_match);
+    EXPECT_NEAR(at_query.dot(informationAtQuery(registration) * at_query), expected, 1e-3 * expected);
+  }
+}
+
 }  // namespace
 }  // namespace intensity_place_recognition

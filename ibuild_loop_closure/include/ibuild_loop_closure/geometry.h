@@ -64,7 +64,8 @@ struct Camera {
 struct RelativePose {
   Eigen::Isometry3d transform = Eigen::Isometry3d::Identity();  ///< pose of the query's camera seen from the
                                                                 ///< match's (optical frames, m)
-  Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Zero();  ///< translation first
+  /// Of the error in the axes of the query's camera, translation first: 1/m^2, 1/rad^2.
+  Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Zero();
   int inliers = 0;
 };
 

@@ -40,6 +40,9 @@ struct Drift {
   double turn = 0.0;      ///< rad after a turn of one rad
 };
 
+/// An edge's information in the axes of `to`, as EdgeConstraint and g2o have it.
+Eigen::Matrix3d informationAtEnd(const Edge& edge);
+
 /// Picks key poses from the poses of a SLAM, and tells the edges between them.
 class KeyPoses {
  public:

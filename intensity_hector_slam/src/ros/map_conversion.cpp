@@ -62,10 +62,11 @@ mapping_msgs::EdgeConstraint toMessage(const Edge& edge, const std::string& map_
                                                      : mapping_msgs::EdgeConstraint::CONSECUTIVE;
   message.has_transform = true;
   message.transform = toMessage(edge.transform);
+  const Eigen::Matrix3d information = informationAtEnd(edge);
   constexpr std::array<int, 3> kRows = {0, 1, 5};  // x, y, yaw
   for (int row = 0; row < 3; ++row) {
     for (int column = 0; column < 3; ++column) {
-      message.information[6 * kRows[row] + kRows[column]] = edge.information(row, column);
+      message.information[6 * kRows[row] + kRows[column]] = information(row, column);
     }
   }
   message.similarity = static_cast<float>(edge.similarity);

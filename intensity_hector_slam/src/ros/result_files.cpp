@@ -60,8 +60,9 @@ void writeG2o(const std::string& path, const std::vector<Edge>& edges) {
     for (const Edge& edge : edges) {
       out << "EDGE_SE2 " << edge.from.id << ' ' << edge.to.id << ' ' << edge.transform.x() << ' '
           << edge.transform.y() << ' ' << edge.transform.z();
+      const Eigen::Matrix3d information = informationAtEnd(edge);
       for (int row = 0; row < 3; ++row) {
-        for (int column = row; column < 3; ++column) out << ' ' << edge.information(row, column);
+        for (int column = row; column < 3; ++column) out << ' ' << information(row, column);
       }
       out << '\n';
     }

@@ -40,6 +40,9 @@ struct Registration {
   bool accepted = false;
 };
 
+/// The inverse covariance of the same error in the axes of the query's sensor, as EdgeConstraint has it.
+Matrix6 informationAtQuery(const Registration& registration);
+
 /// Where a scan may have been taken, roughly.
 struct Guess {
   Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();  ///< query's sensor seen from the match's

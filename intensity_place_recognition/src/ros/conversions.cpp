@@ -43,9 +43,9 @@ mapping_msgs::EdgeConstraint toEdge(const Recognition& recognition, const std_ms
   edge.transform.orientation.y = q.y();
   edge.transform.orientation.z = q.z();
   edge.transform.orientation.w = q.w();
-  const Matrix6 information = recognition.registration.covariance.inverse();
+  const Matrix6 information = informationAtQuery(recognition.registration);
   for (int r = 0; r < 6; ++r)
-    for (int c = 0; c < 6; ++c) edge.information[6 * r + c] = 0.5 * (information(r, c) + information(c, r));
+    for (int c = 0; c < 6; ++c) edge.information[6 * r + c] = information(r, c);
   edge.similarity = static_cast<float>(std::clamp(recognition.registration.score, 0.0, 1.0));
   return edge;
 }

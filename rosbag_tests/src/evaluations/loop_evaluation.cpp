@@ -28,16 +28,11 @@ Eigen::Isometry3d toSpace(const slam::Pose& pose) {
          Eigen::Isometry3d(Eigen::AngleAxisd(pose.z(), Eigen::Vector3d::UnitZ()));
 }
 
-// The graph's errors are in the frame of the later pose, as the edge has it.
-pose_graph::Matrix6 toGraph(const Eigen::Matrix3d& information, double angle) {
-  Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
-  turn.topLeftCorner<2, 2>() = Eigen::Rotation2Dd(angle).toRotationMatrix();
-  const Eigen::Matrix3d turned = turn.transpose() * information * turn;
-  const Eigen::Matrix3d symmetric = 0.5 * (turned + turned.transpose());
+pose_graph::Matrix6 toGraph(const Eigen::Matrix3d& information) {
   pose_graph::Matrix6 result = pose_graph::Matrix6::Zero();
   constexpr int kRows[] = {0, 1, 5};
   for (int row = 0; row < 3; ++row)
-    for (int column = 0; column < 3; ++column) result(kRows[row], kRows[column]) = symmetric(row, column);
+    for (int column = 0; column < 3; ++column) result(kRows[row], kRows[column]) = information(row, column);
   return result;
 }
 
@@ -70,7 +65,7 @@ CorrectedRun correct(const slam::BagResult& run, const pose_graph::LoopCheckOpti
     added.to = index_of.at(edge.to.id);
     added.type = type;
     added.transform = toGraph(edge.transform);
-    added.information = toGraph(edge.information, edge.transform.z());
+    added.information = toGraph(informationAtEnd(edge));
     part.graph.addEdge(added);
   };
   std::map<std::uint32_t, slam::KeyPose> keys;
