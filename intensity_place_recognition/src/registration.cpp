@@ -205,8 +205,8 @@ Registration Registrar::operator()(const Shape& query, const Guess& guess) const
   if (!refine(query, tree, result)) return result;
   judge(query, tree, result);
   result.score = result.agreement * result.common;
-  result.accepted =
-      result.score >= options_.min_score && result.pose.translation().norm() <= options_.max_distance;
+  result.accepted = result.score >= options_.min_score && result.intensity >= options_.min_intensity &&
+                    result.pose.translation().norm() <= options_.max_distance;
   return result;
 }
 

@@ -3,6 +3,7 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numeric>
 
@@ -29,6 +30,36 @@ std::vector<Patch> thinned(const std::vector<Patch>& all, int most) {
   kept.reserve(count);
   for (std::size_t i = 0; i < count; ++i) kept.push_back(all[i * all.size() / count]);
   return kept;
+}
+
+/// Intensities fall with the range and the angle of incidence, and roads are dark: two places of one shape
+/// would agree in all of that. So each becomes its rank among the patches that are alike in them, -0.5 to
+/// 0.5.
+void flattenIntensities(std::vector<Patch>& patches) {
+  constexpr int kAngles = 4;
+  constexpr std::size_t kFewestAlike = 40, kMostRanges = 8;
+  std::array<std::vector<std::size_t>, 2 * kAngles> groups;
+  for (std::size_t i = 0; i < patches.size(); ++i) {
+    const Patch& p = patches[i];
+    const float cosine = std::abs(p.normal.dot(p.point.normalized()));
+    const int angle = std::min(kAngles - 1, static_cast<int>(cosine * kAngles));
+    groups[(p.isLevel() ? 0 : kAngles) + angle].push_back(i);
+  }
+  for (std::vector<std::size_t>& group : groups) {
+    std::sort(group.begin(), group.end(), [&](std::size_t a, std::size_t b) {
+      return patches[a].point.squaredNorm() < patches[b].point.squaredNorm();
+    });
+    const std::size_t parts = std::clamp<std::size_t>(group.size() / kFewestAlike, 1, kMostRanges);
+    for (std::size_t part = 0; part < parts; ++part) {
+      std::vector<std::size_t> alike(group.begin() + group.size() * part / parts,
+                                     group.begin() + group.size() * (part + 1) / parts);
+      std::sort(alike.begin(), alike.end(),
+                [&](std::size_t a, std::size_t b) { return patches[a].intensity < patches[b].intensity; });
+      for (std::size_t i = 0; i < alike.size(); ++i)
+        patches[alike[i]].intensity =
+            (static_cast<float>(i) + 0.5f) / static_cast<float>(alike.size()) - 0.5f;
+    }
+  }
 }
 
 }  // namespace
@@ -94,6 +125,7 @@ Shape::Shape(const Cloud& cloud, const Panorama& panorama, const ShapeOptions& o
   patches_ = thinned(upright, options.upright);
   const std::vector<Patch> kept_level = thinned(level, options.level);
   patches_.insert(patches_.end(), kept_level.begin(), kept_level.end());
+  flattenIntensities(patches_);
 
   lowest_ = static_cast<float>(panorama.options.min_elevation);
   highest_ = static_cast<float>(panorama.options.max_elevation);

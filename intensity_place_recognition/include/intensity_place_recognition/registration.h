@@ -14,7 +14,7 @@ struct RegistrationOptions {
   double max_distance = 6.0;
   double yaw_reach = 0.06981317, yaw_step = 0.06981317;
   int iterations = 15;
-  double min_score = 0.45;
+  double min_score = 0.45, min_intensity = 0.36;
 
   void describe(mapping_common::OptionList& o) {
     o("max_distance", max_distance, "m", "scans from places farther apart show different places")
@@ -25,6 +25,10 @@ struct RegistrationOptions {
     o("yaw_step", yaw_step, "deg", "of the search about it").inDegrees().within(0.1, 45.0);
     o("iterations", iterations, "", "of the iterative closest points").within(1, 200);
     o("min_score", min_score, "", "of a pair that is accepted").within(0.0, 1.0).dynamic();
+    o("min_intensity", min_intensity, "",
+      "correlation of its intensities, which tell places of one shape apart; -1 for scanners without")
+        .within(-1.0, 1.0)
+        .dynamic();
   }
 };
 

@@ -28,7 +28,7 @@ struct ShapeOptions {
 
 struct Patch {
   Eigen::Vector3f point, normal;  ///< sensor frame, m
-  float intensity = 0.0f;         ///< the scanner's own scale
+  float intensity = 0.0f;         ///< rank among patches of like range, incidence and slope, -0.5 to 0.5
   float flatness = 0.0f;          ///< 0 to 1; 1: a plane
   bool isLevel() const { return std::abs(normal.z()) > 0.7f && flatness > 0.5f; }
 };
