@@ -353,7 +353,8 @@ TEST(RollingWindow, RefusesFilesThatAreNoStores) {
     });
   };
   EXPECT_TRUE(mentions(refusal("/nowhere/a.db"), {"/nowhere/a.db", "unable to open"}));
-  EXPECT_TRUE(mentions(refusal(dir.write("text.db", std::string(5000, 'x'))), {"text.db", "isn't a store of an R-tree"}));
+  EXPECT_TRUE(mentions(refusal(dir.write("text.db", std::string(5000, 'x'))),
+                       {"text.db", "isn't a store of an R-tree"}));
   exec(dir.path("other.db"), "CREATE TABLE t(x)");
   EXPECT_TRUE(mentions(refusal(dir.path("other.db")), {"other.db", "isn't a store of an R-tree"}));
   EXPECT_TRUE(mentions(messageOf([] { OccupancyMap().save("/nowhere/a.db"); }), {"/nowhere/a.db"}));
