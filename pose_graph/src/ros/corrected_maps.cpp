@@ -2,7 +2,6 @@
 #include "pose_graph/ros/corrected_maps.h"
 
 #include <intensity_hector_slam/ros/parameters.h>
-#include <mapping_common/files.h>
 #include <rtree_occupancy_map/ros/parameters.h>
 #include <unistd.h>
 
@@ -21,16 +20,6 @@ namespace pose_graph {
 namespace {
 
 constexpr double kWait = 5.0;  // s, for the front end to go over to a corrected map
-
-// A map as its save_map writes it.
-template <class Map>
-std::vector<std::uint8_t> fileOf(const Map& map) {
-  const std::string path = temporaryPath();
-  map.save(path);
-  const std::string bytes = mapping_common::readFile(path);
-  std::filesystem::remove(path);
-  return {bytes.begin(), bytes.end()};
-}
 
 }  // namespace
 
@@ -105,7 +94,10 @@ void CorrectedMaps::begin(const OnlineGraph& graph, const std::shared_ptr<GraphK
     const ros::WallTime start = ros::WallTime::now();
     const auto goes_on = [worker](double) { return !worker->isEnding(); };
     const auto keep = [](std::optional<Made::Map>& map, const auto& built) {
-      if (built) map = Made::Map{built->last_stamp, fileOf(built->map)};
+      if (built) {
+        const std::string bytes = built->map.toBytes();
+        map = Made::Map{built->last_stamp, {bytes.begin(), bytes.end()}};
+      }
     };
     try {
       keeper->writer().flush();
