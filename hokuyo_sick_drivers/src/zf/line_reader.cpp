@@ -16,8 +16,8 @@ constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
 
 LineReader::LineReader(ByteSource& source, Position start)
     : source_(source),
-      buffer_(std::min<std::uint64_t>(kBlock, std::max(source.size(), start.offset) - start.offset) +
-              kLongestLine),
+      buffer_(std::min<std::uint64_t>(kBlock + kLongestLine,
+                                      std::max(source.size(), start.offset) - start.offset + 1)),
       buffer_end_offset_(start.offset),
       line_start_(start.offset),
       line_(start.line),
