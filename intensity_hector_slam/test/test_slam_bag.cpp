@@ -57,6 +57,9 @@ TEST_F(SlamBag, WritesTheSameTwice) {
       "--bag " + bag() + " --scan scan --reflectivity-scale 0.001 --cost combined --out ";
   ASSERT_EQ(0, run(common + out("one"))) << log();
   EXPECT_NE(std::string::npos, log().find("100 %"));
+  EXPECT_NE(std::string::npos,
+            log().find("tf has odometry, odom -> base_link, which isn't used without --odom odom"))
+      << log();
   ASSERT_EQ(0, run(common + out("two"))) << log();
   EXPECT_LT(errorOf(out("one") + "/trajectory.tum"), 0.03);
   for (const char* name :
@@ -78,6 +81,7 @@ TEST_F(SlamBag, UsesOdometryOfTfOrOfATopic) {
       "--bag " + bag() + " --scan /scan --cost occupancy --config " + config + " --out ";
   ASSERT_EQ(0, run(common + out("tf") + " --odom odom")) << log();
   EXPECT_LT(errorOf(out("tf/trajectory.tum")), 0.05);
+  EXPECT_EQ(std::string::npos, log().find("tf has odometry")) << log();
   ASSERT_EQ(0, run(common + out("topic") + " --odom-topic odom")) << log();
   EXPECT_LT(errorOf(out("topic/trajectory.tum")), 0.05);
   ASSERT_EQ(1, run(common + out("none") + " --odom nowhere"));
@@ -92,6 +96,7 @@ TEST_F(SlamBag, DoesWithoutTransforms) {
   writeRoomBag(bare, 30, false);
   ASSERT_EQ(0, run("--bag " + bare + " --scan scan --cost occupancy --out " + out("bare"))) << log();
   EXPECT_NE(std::string::npos, log().find("the scanner is the body"));
+  EXPECT_EQ(std::string::npos, log().find("tf has odometry")) << log();
 }
 
 TEST_F(SlamBag, SaysWhyScansAreDropped) {

@@ -77,6 +77,10 @@ void run(const Arguments& a) {
                 << '\n';
     }
   }
+  if (!result.unused_odometry.empty()) {
+    std::cerr << "slam_bag: tf has odometry, " << result.unused_odometry << " -> " << parameters.base_frame
+              << ", which isn't used without --odom " << result.unused_odometry << '\n';
+  }
   if (result.scanner_is_body) std::cerr << "slam_bag: the scanner is the body, its mounting isn't used\n";
 
   writeTum(a.out + "/trajectory.tum", result);

@@ -79,6 +79,19 @@ Eigen::Isometry3d lookup(const tf2::BufferCore& buffer, const std::string& targe
   return tf2::transformToEigen(buffer.lookupTransform(target, source, stamp));
 }
 
+// The frame above all others that tf has the body moving in, beside the map; empty: there is none.
+std::string odometryIn(const tf2::BufferCore& buffer, const SlamParameters& parameters) {
+  const std::string& body = parameters.base_frame;
+  std::string top = body, parent;
+  for (int depth = 0; depth < 100 && buffer._getParent(top, ros::Time(0), parent); ++depth) {
+    if (parent == parameters.map_frame) break;
+    top = parent;
+  }
+  if (top == body || !buffer.canTransform(top, body, ros::Time(0))) return "";
+  const bool is_fixed = buffer.lookupTransform(top, body, ros::Time(0)).header.stamp.isZero();
+  return is_fixed ? "" : top;
+}
+
 }  // namespace
 
 BagResult runBag(const BagOptions& options, const SlamParameters& parameters,
@@ -100,6 +113,8 @@ BagResult runBag(const BagOptions& options, const SlamParameters& parameters,
   LoopFinder loops(parameters.loop, parameters.slam);
   mapping_common::LaserScans scans;
   BagResult result;
+  if (options.odom_frame.empty() && options.odom_topic.empty())
+    result.unused_odometry = odometryIn(*transforms, parameters);
   std::size_t done = 0;
   for (const rosbag::MessageInstance& instance : view) {
     if (progress) progress(static_cast<double>(done) / view.size());

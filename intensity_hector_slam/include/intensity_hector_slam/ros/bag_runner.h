@@ -44,6 +44,7 @@ struct BagResult {
   };
   std::map<std::string, Fault> dropped;   ///< by the reason
   std::map<std::string, Fault> warnings;  ///< scans that were used, see mapping_common::LaserReading
+  std::string unused_odometry;            ///< frame of odometry in tf that options don't name; empty: none
   bool scanner_is_body =
       false;  ///< the bag doesn't tell where the scanner is mounted: the poses are the scanner's
 };
