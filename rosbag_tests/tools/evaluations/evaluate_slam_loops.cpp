@@ -23,7 +23,8 @@ namespace slam = intensity_hector_slam;
 namespace {
 
 const char kUsage[] =
-    "Usage: evaluate_loops --bag FILE --scan TOPIC (--relations FILE [--stamps FILE] | --reference FILE) "
+    "Usage: evaluate_slam_loops --bag FILE --scan TOPIC (--relations FILE [--stamps FILE] | --reference "
+    "FILE) "
     "[options]\n"
     "\n"
     "Runs SLAM over a recording, puts key poses, edges and loops into a pose graph, and tells how far the "
@@ -163,5 +164,5 @@ void run(const Arguments& a) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  return mapping_common::runTool(argc, argv, "evaluate_loops", kUsage, parse, run);
+  return mapping_common::runTool(argc, argv, "evaluate_slam_loops", kUsage, parse, run);
 }
