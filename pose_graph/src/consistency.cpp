@@ -2,6 +2,7 @@
 #include "consistency.h"
 
 #include <algorithm>
+#include <boost/math/distributions/chi_squared.hpp>
 #include <cstdint>
 #include <numeric>
 #include <optional>
@@ -47,31 +48,47 @@ std::size_t sizeOfBoth(const Set& a, const Set& b) {
   return sum;
 }
 
-// A clique that grows by the candidate that leaves most candidates, from each of the nodes with most
-// neighbours.
-std::vector<std::size_t> largeClique(const std::vector<Set>& neighbours) {
-  const std::size_t n = neighbours.size();
+// Which loops agree with which.
+Agreement agreements(const Graph& graph, const std::vector<std::size_t>& loops, double threshold) {
+  const std::vector<ChainPose> odometry = odometryOf(graph);
+  std::vector<Shift> shifts;
+  for (const std::size_t e : loops) {
+    const Edge& edge = graph.edges()[e];
+    shifts.emplace_back(edge, odometry[edge.from], odometry[edge.to], graph.planar());
+  }
+  const std::size_t n = shifts.size();
+  Agreement agreement(n);
+  for (std::size_t i = 0; i < n; ++i)
+    for (std::size_t j = 0; j < i; ++j)
+      if (shifts[i].disagreement(shifts[j]) <= threshold) agreement.set(i, j);
+  return agreement;
+}
+
+}  // namespace
+
+std::vector<std::size_t> Agreement::largeClique() const {
+  const std::size_t n = neighbours_.size();
   std::vector<std::size_t> degree(n), order(n), best;
-  for (std::size_t i = 0; i < n; ++i) degree[i] = sizeOf(neighbours[i]);
+  for (std::size_t i = 0; i < n; ++i) degree[i] = sizeOf(neighbours_[i]);
   std::iota(order.begin(), order.end(), 0);
   std::stable_sort(order.begin(), order.end(),
                    [&](std::size_t a, std::size_t b) { return degree[a] > degree[b]; });
   constexpr std::size_t kSeeds = 3;
   for (std::size_t s = 0; s < std::min(n, kSeeds); ++s) {
     std::vector<std::size_t> clique = {order[s]};
-    Set candidates = neighbours[order[s]];
+    Set candidates = neighbours_[order[s]];
     std::vector<std::size_t> left;
     for (const std::size_t i : order)
       if ((candidates[i / 64] >> (i % 64) & 1) != 0) left.push_back(i);
     while (!left.empty()) {
       std::size_t next = left.front(), most = 0;
       for (const std::size_t i : left) {
-        const std::size_t size = sizeOfBoth(candidates, neighbours[i]);
+        const std::size_t size = sizeOfBoth(candidates, neighbours_[i]);
         if (size > most) next = i, most = size;
         if (most + 1 >= left.size()) break;  // a neighbour of all
       }
       clique.push_back(next);
-      for (std::size_t w = 0; w < candidates.size(); ++w) candidates[w] &= neighbours[next][w];
+      for (std::size_t w = 0; w < candidates.size(); ++w) candidates[w] &= neighbours_[next][w];
       left.erase(std::remove_if(left.begin(), left.end(),
                                 [&](std::size_t i) { return (candidates[i / 64] >> (i % 64) & 1) == 0; }),
                  left.end());
@@ -81,31 +98,32 @@ std::vector<std::size_t> largeClique(const std::vector<Set>& neighbours) {
   return best;
 }
 
-// Which loops agree with which.
-std::vector<Set> agreements(const Graph& graph, const std::vector<std::size_t>& loops, double threshold) {
-  const std::vector<ChainPose> odometry = odometryOf(graph);
-  std::vector<Shift> shifts;
-  for (const std::size_t e : loops) {
-    const Edge& edge = graph.edges()[e];
-    shifts.emplace_back(edge, odometry[edge.from], odometry[edge.to], graph.planar());
-  }
-  const std::size_t n = shifts.size();
-  std::vector<Set> neighbours(n, Set((n + 63) / 64));
-  for (std::size_t i = 0; i < n; ++i)
-    for (std::size_t j = 0; j < i; ++j) {
-      if (shifts[i].disagreement(shifts[j]) > threshold) continue;
-      neighbours[i][j / 64] |= std::uint64_t{1} << (j % 64);
-      neighbours[j][i / 64] |= std::uint64_t{1} << (i % 64);
-    }
-  return neighbours;
+double quantileOfChi2(int dimensions, double share) {
+  return boost::math::quantile(boost::math::chi_squared(dimensions), share);
 }
 
-}  // namespace
+std::vector<std::vector<std::size_t>> groupsOf(const Graph& graph, const std::vector<std::size_t>& loops) {
+  constexpr std::size_t kReach = 5;  // poses
+  std::vector<std::vector<std::size_t>> groups;
+  const auto near = [](std::size_t a, std::size_t b) { return a < b + kReach && b < a + kReach; };
+  for (const std::size_t e : loops) {
+    const Edge& edge = graph.edges()[e];
+    const auto group = std::find_if(groups.begin(), groups.end(), [&](const auto& g) {
+      const Edge& last = graph.edges()[g.back()];
+      return near(last.from, edge.from) && near(last.to, edge.to);
+    });
+    if (group == groups.end())
+      groups.push_back({e});
+    else
+      group->push_back(e);
+  }
+  return groups;
+}
 
 std::vector<std::size_t> consistentLoops(const Graph& graph, const std::vector<std::size_t>& loops,
                                          double threshold) {
   std::vector<std::size_t> kept;
-  for (const std::size_t i : largeClique(agreements(graph, loops, threshold))) kept.push_back(loops[i]);
+  for (const std::size_t i : agreements(graph, loops, threshold).largeClique()) kept.push_back(loops[i]);
   return kept;
 }
 

@@ -4,12 +4,12 @@
 
 #include "blocks.h"
 #include "chain.h"
+#include "consistency.h"
 #include "pose_graph/online_graph.h"
 
 namespace pose_graph {
 namespace {
 
-constexpr std::size_t kReach = 5;        // poses, between loops of one group
 constexpr double kFar = 4.0;             // chi2 over the threshold, of loops that don't nearly fit
 constexpr std::size_t kMostAllies = 20;  // loops that are tried with a group again
 
@@ -38,24 +38,6 @@ void GraphOptimisation::restore(const State& state) {
   for (std::size_t i = 0; i < state.poses.size(); ++i) graph_.setPose(i, state.poses[i]);
   for (std::size_t e = 0; e < state.active.size(); ++e) graph_.setActive(e, state.active[e]);
   cost_ = state.cost;
-}
-
-// Loops whose ends are neighbours.
-std::vector<GraphOptimisation::Edges> GraphOptimisation::groupsOf(const Edges& loops) const {
-  std::vector<Edges> groups;
-  const auto near = [](std::size_t a, std::size_t b) { return a < b + kReach && b < a + kReach; };
-  for (const std::size_t e : loops) {
-    const Edge& edge = graph_.edges()[e];
-    const auto group = std::find_if(groups.begin(), groups.end(), [&](const Edges& g) {
-      const Edge& last = graph_.edges()[g.back()];
-      return near(last.from, edge.from) && near(last.to, edge.to);
-    });
-    if (group == groups.end())
-      groups.push_back({e});
-    else
-      group->push_back(e);
-  }
-  return groups;
 }
 
 // Optimises after changes, and accepts what fits and nothing else, until no more change.
@@ -144,7 +126,7 @@ void GraphOptimisation::doubt() {
   for (std::size_t e = 0; e < shifts_.size(); ++e)
     if (isLoop(e) && graph_.edges()[e].active) accepted.push_back(e);
   std::vector<std::pair<double, Edges>> groups;
-  for (Edges& group : groupsOf(accepted)) {
+  for (Edges& group : groupsOf(graph_, accepted)) {
     double chi2 = 0.0;
     for (const std::size_t e : group) chi2 += graph_.chi2(e);
     groups.emplace_back(chi2, std::move(group));
@@ -179,7 +161,7 @@ void GraphOptimisation::run(const Progress& progress) {
     for (std::size_t e = 0; e < shifts_.size(); ++e)
       if (isLoop(e) && !graph_.edges()[e].active) loops.push_back(e);
   }
-  const std::vector<Edges> groups = groupsOf(loops);
+  const std::vector<Edges> groups = groupsOf(graph_, loops);
   if (groups.size() > 1) tryWith(loops, {});
   for (const Edges& group : groups) {
     Edges left;

@@ -2,12 +2,12 @@
 #include "pose_graph/loop_check.h"
 
 #include <algorithm>
-#include <boost/math/distributions/chi_squared.hpp>
 #include <cmath>
 #include <stdexcept>
 #include <utility>
 
 #include "consistency.h"
+#include "growth.h"
 #include "problem.h"
 
 namespace pose_graph {
@@ -20,13 +20,21 @@ void solveRoughly(Graph& graph, const Robustness& robustness, int iterations, co
   problem.store(graph);
 }
 
+std::vector<std::size_t> loopsOf(const Graph& graph) {
+  std::vector<std::size_t> loops;
+  for (std::size_t e = 0; e < graph.edges().size(); ++e)
+    if (graph.edges()[e].type != EdgeType::kConsecutive) loops.push_back(e);
+  return loops;
+}
+
 class Check {
  public:
   Check(Graph& graph, const LoopCheckOptions& options, const Progress& progress)
-      : graph_(graph), options_(options), progress_(progress), c2_(options.threshold(graph.dimension())) {
-    for (std::size_t e = 0; e < graph.edges().size(); ++e)
-      if (graph.edges()[e].type != EdgeType::kConsecutive) loops_.push_back(e);
-  }
+      : graph_(graph),
+        options_(options),
+        progress_(progress),
+        c2_(options.threshold(graph.dimension())),
+        loops_(loopsOf(graph)) {}
 
   void graduatedNonConvexity() {
     activateAll();
@@ -135,21 +143,11 @@ class Check {
 
   // Active loops whose ends are neighbours, those with the largest sums of chi2 first.
   std::vector<std::vector<std::size_t>> groups() const {
-    constexpr std::size_t kReach = 5, kMost = 20;
-    std::vector<std::vector<std::size_t>> all;
-    for (const std::size_t e : loops_) {
-      const Edge& edge = graph_.edges()[e];
-      if (!edge.active) continue;
-      const auto near = [](std::size_t a, std::size_t b) { return a < b + kReach && b < a + kReach; };
-      const auto group = std::find_if(all.begin(), all.end(), [&](const std::vector<std::size_t>& g) {
-        const Edge& last = graph_.edges()[g.back()];
-        return near(last.from, edge.from) && near(last.to, edge.to);
-      });
-      if (group == all.end())
-        all.push_back({e});
-      else
-        group->push_back(e);
-    }
+    constexpr std::size_t kMost = 20;
+    std::vector<std::size_t> active;
+    for (const std::size_t e : loops_)
+      if (graph_.edges()[e].active) active.push_back(e);
+    std::vector<std::vector<std::size_t>> all = groupsOf(graph_, active);
     const auto sum = [&](const std::vector<std::size_t>& group) {
       double chi2 = 0.0;
       for (const std::size_t e : group) chi2 += graph_.chi2(e);
@@ -182,7 +180,7 @@ void LoopCheckOptions::describe(mapping_common::OptionList& o) {
 }
 
 double LoopCheckOptions::threshold(int dimension) const {
-  return boost::math::quantile(boost::math::chi_squared(dimension), confidence);
+  return quantileOfChi2(dimension, confidence);
 }
 
 LoopCheckResult optimiseAndCheck(Graph& graph, const LoopCheckOptions& options, const Progress& progress) {
@@ -190,12 +188,17 @@ LoopCheckResult optimiseAndCheck(Graph& graph, const LoopCheckOptions& options, 
   std::vector<bool> before;
   for (const Edge& edge : graph.edges()) before.push_back(edge.active);
   LoopCheckResult result;
-  Check check(graph, options, progress);
-  if (options.method == LoopCheck::kGnc) check.graduatedNonConvexity();
-  if (options.method == LoopCheck::kPcm) check.pairwiseConsistency();
-  if (options.method == LoopCheck::kDcs) check.dynamicCovarianceScaling();
-  result.optimisation = options.method == LoopCheck::kNone ? optimise(graph, options.optimisation, progress)
-                                                           : check.doubt(check.settle());
+  if (options.method == LoopCheck::kNone) {
+    result.optimisation = optimise(graph, options.optimisation, progress);
+  } else if (options.method == LoopCheck::kGrowth) {
+    result.optimisation = grow(graph, loopsOf(graph), options, progress);
+  } else {
+    Check check(graph, options, progress);
+    if (options.method == LoopCheck::kGnc) check.graduatedNonConvexity();
+    if (options.method == LoopCheck::kPcm) check.pairwiseConsistency();
+    if (options.method == LoopCheck::kDcs) check.dynamicCovarianceScaling();
+    result.optimisation = check.doubt(check.settle());
+  }
   for (std::size_t e = 0; e < before.size(); ++e)
     if (graph.edges()[e].active != before[e]) (before[e] ? result.revoked : result.accepted).push_back(e);
   return result;

@@ -2,13 +2,13 @@
 #include "pose_graph/online_graph.h"
 
 #include <algorithm>
-#include <boost/math/distributions/chi_squared.hpp>
 #include <cmath>
 #include <numeric>
 #include <stdexcept>
 #include <utility>
 
 #include "chain.h"
+#include "consistency.h"
 
 namespace pose_graph {
 namespace {
@@ -486,7 +486,7 @@ std::optional<GraphOptimisation> OnlineGraph::begin(bool all) {
   if (optimising_ || (!all && !hasWork())) return std::nullopt;
   GraphOptimisation task;
   task.options_ = options_;
-  task.threshold_ = boost::math::quantile(boost::math::chi_squared(graph_.dimension()), options_.confidence);
+  task.threshold_ = quantileOfChi2(graph_.dimension(), options_.confidence);
   task.graph_ = graph_;
   task.shifts_ = shifts_;
   task.new_loops_ = std::exchange(new_loops_, {});

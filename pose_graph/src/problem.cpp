@@ -201,7 +201,34 @@ class Progress : public ceres::IterationCallback {
   const std::function<bool(int, double)>& call_;
 };
 
+std::array<double, 7> blockOf(const Pose& pose, bool planar) {
+  if (planar) return {pose.translation.x(), pose.translation.y(), pose.yaw()};
+  return {pose.translation.x(), pose.translation.y(), pose.translation.z(), pose.rotation.x(),
+          pose.rotation.y(),    pose.rotation.z(),    pose.rotation.w()};
+}
+
+template <int N, int Block, typename Cost>
+LinearEdge lineariseAs(const Graph& graph, const Edge& edge) {
+  const auto from = blockOf(graph.nodes()[edge.from].pose, N == 3);
+  const auto to = blockOf(graph.nodes()[edge.to].pose, N == 3);
+  const double* blocks[] = {from.data(), to.data()};
+  Eigen::Matrix<double, N, 1> residual;
+  Eigen::Matrix<double, N, Block, Eigen::RowMajor> by_from, by_to;
+  double* jacobians[] = {by_from.data(), by_to.data()};
+  Cost(edge, 1.0).Evaluate(blocks, residual.data(), jacobians);
+  LinearEdge linear;
+  linear.residual.template head<N>() = residual;
+  linear.by_from.template topLeftCorner<N, N>() = by_from.template leftCols<N>();
+  linear.by_to.template topLeftCorner<N, N>() = by_to.template leftCols<N>();
+  return linear;
+}
+
 }  // namespace
+
+LinearEdge linearise(const Graph& graph, std::size_t edge) {
+  const Edge& e = graph.edges()[edge];
+  return graph.planar() ? lineariseAs<3, 3, EdgeInPlane>(graph, e) : lineariseAs<6, 7, EdgeInSpace>(graph, e);
+}
 
 Problem::Problem(const Graph& graph, const Robustness& robustness, const std::vector<bool>& moves)
     : planar_(graph.planar()), poses_(graph.nodes().size()), moves_(moves) {
@@ -209,15 +236,7 @@ Problem::Problem(const Graph& graph, const Robustness& robustness, const std::ve
     moves_ = anchors(graph);
     moves_.flip();
   }
-  for (std::size_t i = 0; i < poses_.size(); ++i) {
-    const Pose& pose = graph.nodes()[i].pose;
-    if (planar_) {
-      poses_[i] = {pose.translation.x(), pose.translation.y(), pose.yaw()};
-    } else {
-      poses_[i] = {pose.translation.x(), pose.translation.y(), pose.translation.z(), pose.rotation.x(),
-                   pose.rotation.y(),    pose.rotation.z(),    pose.rotation.w()};
-    }
-  }
+  for (std::size_t i = 0; i < poses_.size(); ++i) poses_[i] = blockOf(graph.nodes()[i].pose, planar_);
   std::vector<bool> used(poses_.size(), false);
   for (std::size_t e = 0; e < graph.edges().size(); ++e) {
     const Edge& edge = graph.edges()[e];

@@ -22,6 +22,15 @@ struct Robustness {
   std::vector<double> weights;
 };
 
+/// An edge's error at where the poses are, and its derivatives by what its poses change by: x y yaw in the
+/// plane, else a translation in the map and a rotation vector in the body. All are whitened: multiplied by a
+/// root of the information. The first graph.dimension() rows and columns count.
+struct LinearEdge {
+  Vector6 residual = Vector6::Zero();
+  Matrix6 by_from = Matrix6::Zero(), by_to = Matrix6::Zero();
+};
+LinearEdge linearise(const Graph& graph, std::size_t edge);
+
 class Problem {
  public:
   /// @param moves for each node whether its pose may change; empty: all but the anchors. Edges between nodes

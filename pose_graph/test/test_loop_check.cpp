@@ -42,8 +42,9 @@ class LoopChecks : public testing::TestWithParam<Parameters> {
   LoopCheckOptions options_;
 };
 INSTANTIATE_TEST_SUITE_P(All, LoopChecks,
-                         testing::Combine(testing::Bool(), testing::Values(LoopCheck::kGnc, LoopCheck::kPcm,
-                                                                           LoopCheck::kDcs)));
+                         testing::Combine(testing::Bool(),
+                                          testing::Values(LoopCheck::kGrowth, LoopCheck::kPcm,
+                                                          LoopCheck::kGnc, LoopCheck::kDcs)));
 
 TEST_P(LoopChecks, FindWhatIsWrong) {
   const LoopCheckResult result = optimiseAndCheck(graph_, options_);
@@ -88,6 +89,30 @@ TEST(LoopCheck, IsRevokedByLaterEvidence) {
     for (int i = 0; i < 3; ++i) graph.addEdge(right);
     EXPECT_EQ((std::vector<std::size_t>{index}), optimiseAndCheck(graph).revoked);
     EXPECT_FALSE(graph.edges()[index].active);
+  }
+}
+
+// Nothing is known of where one part lies to the other, but that a part of the loops agree.
+TEST(LoopCheck, GrowthJoinsParts) {
+  for (const bool planar : {false, true}) {
+    const Graph truth = rounds(planar, 80, 40, 0.01, 1);
+    Graph graph(planar);
+    for (Node node : truth.nodes()) {
+      if (node.id >= 40) node.pose = planarPose(1.0, 2.0, 0.1) * node.pose;
+      graph.addNode(node);
+    }
+    std::vector<std::size_t> wrong;
+    for (const Edge& edge : truth.edges())
+      if (edge.from >= 40 || edge.to < 40 || edge.type != EdgeType::kConsecutive) graph.addEdge(edge);
+    for (std::size_t k = 0; k < 5; ++k) {
+      Edge edge = truth.edges().back();
+      edge.type = EdgeType::kPlace;
+      edge.from = 3 * k, edge.to = 79 - 2 * k;
+      edge.transform = planarPose(0.3 * static_cast<double>(k), -1.0, 0.5);
+      wrong.push_back(graph.addEdge(edge));
+    }
+    const LoopCheckResult result = optimiseAndCheck(graph);
+    EXPECT_EQ(wrong, result.revoked) << (planar ? "planar" : "in space");
   }
 }
 

@@ -53,8 +53,10 @@ bool parse(int argc, char** argv, Arguments& a) {
   add("group", po::value(&a.group)->default_value(a.group), "so many false loops agree with each other");
   add("seeds", po::value(&a.seeds)->default_value(a.seeds), "runs with other false loops");
   add("method",
-      po::value(&a.methods)->multitoken()->default_value({"none", "gnc", "pcm", "dcs", "online"}, "all"),
-      "none | gnc | pcm | dcs: all at once; online: as they come while driving");
+      po::value(&a.methods)
+          ->multitoken()
+          ->default_value({"none", "growth", "pcm", "gnc", "dcs", "online"}, "all"),
+      "none | growth | pcm | gnc | dcs: all at once; online: as they come while driving");
   add("batch", po::value(&a.batch)->default_value(a.batch), "online: poses between optimisations");
   add("confidence", po::value(&a.options.confidence)->default_value(a.options.confidence),
       "share of right loops that is accepted");

@@ -92,7 +92,8 @@ bool parse(int argc, char** argv, Arguments& a) {
   add("tolerance", po::value(&o.tolerance)->default_value(o.tolerance, "1e-10"),
       "ends when an iteration lessens chi2 by less than this share");
   add("loop-check", po::value<std::string>()->default_value("none"),
-      "none | pcm | gnc | dcs: how wrong loops are found, from a chain of consecutive edges on; those are "
+      "none | growth | pcm | gnc | dcs: how wrong loops are found, from a chain of consecutive edges on; "
+      "those are "
       "left out of "
       "OUT.g2o");
   add("confidence", po::value(&a.options.confidence)->default_value(a.options.confidence),

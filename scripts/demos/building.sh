@@ -2,17 +2,13 @@
 # The whole: a robot drives through a building whose rooms and corridors are alike but for what their walls reflect.
 # Drivers, reflectivities, SLAM, loops of laser, camera and lidar, pose graph, corrected maps.
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
+source "$(dirname "${BASH_SOURCE[0]}")/building_drive.sh"
 here=$out/building
 mkdir -p "$here"
 rm -f "$here"/*
-cp config/slam.yaml "$here/slam.yaml"
-sed -i 's/^laser_max_dist: .*/laser_max_dist: 5.0/' "$here/slam.yaml"  # a cheaper scanner: the way drifts
-sed 's/^undistort: .*/undistort: true/' config/mapping.yaml >"$here/mapping.yaml"
 
 echo "Simulating the drive: a Hokuyo's scans, images, and the clouds of a lidar with 16 beams"
-rosrun mapping_simulation simulate --world config/worlds/building.yaml --sensor config/simulator/hokuyo_utm30lx.yaml \
-  --sensor config/simulator/camera_robot.yaml --sensor config/simulator/velodyne_vlp16_2hz.yaml --no-map-tf --clock-rate 0 \
-  --translation-noise 0.02 --rotation-noise 0.01 --seed 1 --out "$here/drive.bag" --ground-truth "$here/truth.tum"
+building_drive "$here"
 
 echo "Driving: emulated Hokuyo -> driver -> reflectivities -> SLAM, 3D map, loops, places, pose graph"
 port=$(free_port)

@@ -121,7 +121,6 @@ class GraphOptimisation {
   bool tryWith(const Edges& added, const Edges& removed);
   bool tryGroup(const Edges& group);
   void doubt();
-  std::vector<Edges> groupsOf(const Edges& loops) const;
 
   OnlineOptions options_;
   double threshold_ = 0.0;
