@@ -1,0 +1,272 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""Drives the whole robot round after round, breaks what breaks in the field, and looks at memory and at the session.
+
+Run by scripts/soak --robot. In each round something else goes wrong: the scanner goes away, all nodes are killed, the clock of
+what is replayed jumps, the disk of the session is full. What a round needs afterwards must be there again, nothing but
+what was killed may end, memory has to stay flat, and at last the session has to be whole.
+"""
+import argparse
+import contextlib
+import os
+import re
+import shutil
+import signal
+import socket
+import sqlite3
+import subprocess
+import sys
+import tempfile
+import time
+
+FLAT = 15.0  # MB a round that the nodes may grow by: key poses, and the maps' new cells
+ROUND_LIMIT = 600  # s
+
+
+def fail(text):
+    sys.exit('soak: ' + text)
+
+
+class Robot:
+    """roslaunch, the emulated scanner, and what is known of them."""
+
+    def __init__(self, here, session, slam, mapping):
+        self.here, self.session, self.slam, self.mapping = here, session, slam, mapping
+        self.port = free_port()
+        self.logs = 0
+        self.launch = self.emulator = None
+
+    def start(self):
+        """Starts all nodes, and waits until SLAM gets scans."""
+        self.logs += 1
+        self.log = os.path.join(self.here, 'robot_%d.log' % self.logs)
+        workspace = os.getcwd()
+        arguments = ['ip_address:=127.0.0.1', 'ip_port:=%d' % self.port, 'odom_frame:=odom', 'slam_config:=' + self.slam,
+                     'calibration:=%s/laser_intensity_calib/config/reflectivity_hokuyo_utm30lx.yaml' % workspace,
+                     'mapping:=true', 'mapping_config:=' + self.mapping, 'cloud:=velodyne_points', 'resolution:=0.1',
+                     'loop_closure:=true', 'place_recognition:=true', 'pose_graph:=true', 'session_file:=' + self.session]
+        with open(self.log, 'w') as out:
+            self.launch = subprocess.Popen(['roslaunch', '--port', master_port(), 'launch/robot.launch'] + arguments, stdout=out,
+                                           stderr=subprocess.STDOUT)
+        self.wait_for('process\\[pose_graph-.*started')
+        if self.emulator is None:
+            self.start_emulator()
+
+    def wait_for(self, text):
+        """In the nodes' log."""
+        for _ in range(120):
+            time.sleep(0.5)
+            with open(self.log, errors='replace') as file:
+                if re.search(text, file.read()):
+                    return
+        fail('the nodes do not start, see ' + self.log)
+
+    def start_emulator(self):
+        with open(os.path.join(self.here, 'emulator.log'), 'a') as out:
+            self.emulator = subprocess.Popen(['rosrun', 'hokuyo_sick_drivers', 'hokuyo_emulator', '--tcp', str(self.port),
+                                              '--topic', '/simulated_scan'], stdout=out, stderr=subprocess.STDOUT)
+
+    def stop_emulator(self):
+        end(self.emulator, signal.SIGKILL)
+        self.emulator = None
+
+    def manager(self):
+        """The process with all nodelets, or None."""
+        found = [process for process, words in ours() if words[0].endswith(b'/nodelet') and words[1:2] == [b'manager']]
+        return found[0] if found else None
+
+    def memory(self):
+        """Of the manager, MB."""
+        with open('/proc/%d/status' % self.manager()) as file:
+            return int(re.search(r'VmRSS:\s*(\d+) kB', file.read()).group(1)) / 1024.0
+
+    def kill(self):
+        """As a power cut does, but for the master."""
+        end(self.launch, signal.SIGKILL)
+        for process, words in ours():
+            if words[0].endswith(b'/nodelet') or b'robot_state_publisher' in words[0]:
+                with contextlib.suppress(OSError):
+                    os.kill(process, signal.SIGKILL)
+        self.launch = None
+
+    def stop(self):
+        end(self.launch, signal.SIGINT)
+        self.launch = None
+
+    def died(self):
+        """What roslaunch says of processes that ended by themselves."""
+        with open(self.log, errors='replace') as file:
+            return [line for line in file if 'process has died' in line]
+
+
+def ours():
+    """Processes of this robot's master but this one, and their words."""
+    master = re.compile(rb'(^|\0)ROS_MASTER_URI=http://[^:]*:%s/?\0' % master_port().encode())
+    for process in filter(str.isdigit, os.listdir('/proc')):
+        with contextlib.suppress(OSError):
+            with open('/proc/%s/environ' % process, 'rb') as file:
+                if not master.search(file.read()) or int(process) in (os.getpid(), os.getppid()):
+                    continue
+            with open('/proc/%s/cmdline' % process, 'rb') as file:
+                yield int(process), file.read().split(b'\0')
+
+
+def master_port():
+    return os.environ['ROS_MASTER_URI'].rstrip('/').rsplit(':', 1)[1]
+
+
+def free_port():
+    with socket.socket() as s:
+        s.bind(('', 0))
+        return s.getsockname()[1]
+
+
+def end(process, kind):
+    if process is None or process.poll() is not None:
+        return
+    process.send_signal(kind)
+    try:
+        process.wait(60)
+    except subprocess.TimeoutExpired:
+        fail('%s does not end' % process.args[0])
+
+
+def key_poses(session):
+    with contextlib.closing(sqlite3.connect('file:%s?mode=ro' % session, uri=True)) as database:
+        return database.execute('SELECT count(*) FROM key_poses').fetchone()[0]
+
+
+@contextlib.contextmanager
+def small_disk(megabytes):
+    """A folder on a disk of its own, which may be filled; None where that needs rights that aren't there."""
+    folder = tempfile.mkdtemp(prefix='soak_')
+    mounted = subprocess.run(['mount', '-t', 'tmpfs', '-o', 'size=%dM' % megabytes, 'soak', folder], check=False,
+                             stderr=subprocess.DEVNULL).returncode == 0
+    try:
+        yield folder if mounted else None
+    finally:
+        if mounted:
+            subprocess.run(['umount', '-l', folder], check=False)
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def fill(folder):
+    """@return the file that takes what is free"""
+    path = os.path.join(folder, 'filler')
+    with open(path, 'wb') as file:
+        with contextlib.suppress(OSError):
+            while True:
+                file.write(b'\0' * 65536)
+                file.flush()
+    return path
+
+
+def drive(robot, bag, seconds, fault=None, at=0.4, options=()):
+    """One round. @param fault is called when a part of the round is over"""
+    log = os.path.join(robot.here, 'play.log')
+    with open(log, 'w') as out:
+        play = subprocess.Popen(['rosrun', 'mapping_simulation', 'play_live', bag, '--wait-for', 'camera/image_rect',
+                                 *options, 'scan:=simulated_scan'], stdout=out, stderr=subprocess.STDOUT)
+    begin = time.monotonic()
+    while play.poll() is None:
+        time.sleep(0.5)
+        passed = time.monotonic() - begin
+        if fault and passed > at * seconds:
+            fault()
+            fault = None
+        if passed > ROUND_LIMIT:
+            play.kill()
+            fail('a round does not end, see %s' % log)
+    if play.returncode != 0:
+        fail('the replay failed, see %s' % log)
+
+
+def duration_of(bag):
+    import rosbag
+    with rosbag.Bag(bag) as file:
+        return file.get_end_time() - file.get_start_time()
+
+
+def main():
+    parser = argparse.ArgumentParser(prog='soak_robot.py', description=__doc__)
+    parser.add_argument('minutes', type=float)
+    parser.add_argument('--bag', required=True)
+    parser.add_argument('--slam', required=True)
+    parser.add_argument('--mapping', required=True)
+    parser.add_argument('--out', required=True)
+    a = parser.parse_args()
+    seconds = duration_of(a.bag)
+    with small_disk(1024) as disk:
+        session = os.path.join(disk or a.out, 'soak.session')
+        if disk is None:
+            with contextlib.suppress(OSError):
+                os.remove(session)
+        soak(a, Robot(a.out, session, a.slam, a.mapping), seconds, disk)
+
+
+def soak(a, robot, seconds, disk):
+    def restart_scanner():
+        robot.stop_emulator()
+        time.sleep(5)
+        robot.start_emulator()
+
+    def restart_nodes():
+        robot.kill()
+        robot.start()
+
+    def full_disk():
+        filler = fill(disk)
+        time.sleep(20)
+        os.remove(filler)
+
+    faults = [('nothing', None, ()), ('nodes killed', restart_nodes, ()), ('scanner restarted', restart_scanner, ()),
+              ('stamps 3 s early', None, ('--early', '3'))]
+    if disk:
+        faults.append(('disk full for 20 s', full_disk, ()))
+    else:
+        print('No disk of its own can be mounted here: it is not filled')
+    stop = time.monotonic() + 60 * a.minutes
+    rounds, memory, poses, growing = 0, [], 0, []
+    try:
+        robot.start()
+        while time.monotonic() < stop or rounds <= len(faults):
+            name, fault, options = faults[rounds % len(faults)] if rounds < len(faults) * 2 else faults[0]
+            drive(robot, a.bag, seconds, fault, options=options)
+            rounds += 1
+            if robot.manager() is None:
+                fail('round %d, %s: the nodes ended, see %s' % (rounds, name, robot.log))
+            if robot.died():
+                fail('round %d, %s: %s' % (rounds, name, robot.died()[0].strip()))
+            before, poses = poses, key_poses(robot.session)
+            if poses < before + 20:
+                fail('round %d, %s: only %d new key poses' % (rounds, name, poses - before))
+            if fault is restart_nodes:
+                memory = []
+            memory.append(robot.memory())
+            growing = [later - earlier for earlier, later in zip(memory, memory[1:])]
+            print('round %d, %s: %d key poses, nodes %.0f MB' % (rounds, name, poses, memory[-1]), flush=True)
+        robot.stop()
+        robot.stop_emulator()
+        check = subprocess.run(['rosrun', 'pose_graph', 'pose_graph', 'info', robot.session], stdout=subprocess.PIPE,
+                               stderr=subprocess.STDOUT, universal_newlines=True, check=False)
+        print(check.stdout)
+        if check.returncode != 0:
+            fail('the session cannot be read')
+        with contextlib.closing(sqlite3.connect(robot.session)) as database:
+            said = database.execute('PRAGMA integrity_check').fetchone()[0]
+        if said != 'ok':
+            fail('the session is damaged: ' + said)
+    finally:
+        robot.kill()
+        for process, _ in ours():  # the master, too
+            with contextlib.suppress(OSError):
+                os.kill(process, signal.SIGKILL)
+    last = sorted(growing[len(growing) // 2:])
+    grown = last[len(last) // 2] if last else 0.0
+    print('%d rounds; the nodes grow by %.1f MB a round' % (rounds, grown))
+    if grown > FLAT:
+        fail('memory is not flat')
+
+
+if __name__ == '__main__':
+    main()
