@@ -24,7 +24,8 @@ constexpr int kRounds = 5;                // of dropping what others contradict
 // Loops that fit better than their information says are held to how well they do, but for this factor.
 constexpr double kSlack = 6.0, kLeastScale = 0.01;
 constexpr std::size_t kEnoughForScale = 20;
-constexpr double kOdds = 20.0;  // of a right loop against a wrong one
+constexpr std::size_t kMostDoubted = 20;  // groups
+constexpr double kOdds = 20.0;            // of a right loop against a wrong one
 
 class Growth {
  public:
@@ -40,21 +41,10 @@ class Growth {
     const Pass passes[] = {{0.9, true}, {0.99, true}, {0.999, false}, {options_.confidence, true}};
     for (const Pass& pass : passes) {
       pass_ = pass;
-      refused_.clear();
-      left = surestFirst(left);
-      for (int news = 0; !left.empty();) {
-        const auto last = left.begin() + static_cast<std::ptrdiff_t>(std::min(kBatch, left.size()));
-        news += accept({left.begin(), last}) ? 1 : 0;
-        left.erase(left.begin(), last);
-        if (news < kResort || left.empty()) continue;
-        news = 0;
-        dropContradicted();
-        const auto soon = left.begin() + static_cast<std::ptrdiff_t>(std::min(kSoon, left.size()));
-        const Loops sorted = surestFirst({left.begin(), soon});
-        std::copy(sorted.begin(), sorted.end(), left.begin());
-      }
-      dropContradicted();
+      acceptFrom(std::exchange(left, {}));
       left = refused_;
+    }
+    for (int round = 0; round < kRounds && doubt(); ++round) {
     }
     return optimise(graph_, options_.optimisation, progress_);
   }
@@ -97,6 +87,73 @@ class Growth {
     Loops sorted;
     for (const auto& [volume, e] : volumes) sorted.push_back(e);
     return sorted;
+  }
+
+  // Loops that aren't in the graph, the surest first; leaves in refused_ those that still aren't.
+  void acceptFrom(Loops left) {
+    refused_.clear();
+    left = surestFirst(left);
+    for (int news = 0; !left.empty();) {
+      const auto last = left.begin() + static_cast<std::ptrdiff_t>(std::min(kBatch, left.size()));
+      news += accept({left.begin(), last}) ? 1 : 0;
+      left.erase(left.begin(), last);
+      if (news < kResort || left.empty()) continue;
+      news = 0;
+      dropContradicted();
+      const auto soon = left.begin() + static_cast<std::ptrdiff_t>(std::min(kSoon, left.size()));
+      const Loops sorted = surestFirst({left.begin(), soon});
+      std::copy(sorted.begin(), sorted.end(), left.begin());
+    }
+    dropContradicted();
+  }
+
+  // Tries it without those groups without which least is known: a wrong one that was the first in its part of
+  // the map may have kept out right ones. What tells is truncated least squares, the sum of chi2, and of the
+  // most that a right loop may have for each that is left out.
+  // @return whether one went
+  bool doubt() {
+    Uncertainty uncertainty(graph_);
+    std::vector<std::pair<double, Loops>> groups;
+    for (Loops& group : groupsOf(graph_, active())) {
+      const double volume = gain(uncertainty, group).log_covariance;
+      if (group.size() <= kMostInGroup) groups.emplace_back(-volume, std::move(group));
+    }
+    std::stable_sort(groups.begin(), groups.end(),
+                     [](const auto& a, const auto& b) { return a.first < b.first; });
+    groups.resize(std::min({groups.size(), kMostDoubted, static_cast<std::size_t>(options_.max_doubts)}));
+    const auto cost = [&] {
+      return graph_.chi2() + most(1) * static_cast<double>(loops_.size() - active().size());
+    };
+    const Graph before = graph_;
+    const Loops refused = refused_;
+    const double cost_before = cost();
+    for (const auto& [volume, group] : groups) {
+      for (const std::size_t e : group) graph_.setActive(e, false);
+      solve();
+      Uncertainty without(graph_);
+      Loops fitting;
+      for (const std::size_t e : refused) {
+        Uncertainty::Errors errors = without.errors({e});
+        errors.covariance.diagonal().array() += 1.0;
+        if (errors.errors.dot(errors.covariance.llt().solve(errors.errors)) <= most(1)) fitting.push_back(e);
+      }
+      if (fitting.size() > group.size()) {
+        Loops left = refused;
+        left.insert(left.end(), group.begin(), group.end());
+        acceptFrom(left);
+        if (cost() < cost_before - most(1)) return true;
+      }
+      graph_ = before;
+      refused_ = refused;
+    }
+    return false;
+  }
+
+  Loops active() const {
+    Loops active;
+    for (const std::size_t e : loops_)
+      if (graph_.edges()[e].active) active.push_back(e);
+    return active;
   }
 
   // Those that fit what is known, and each other.
@@ -203,13 +260,10 @@ class Growth {
   // Those without which chi2 would be less by more than a right one's.
   void dropContradicted() {
     for (int round = 0; round < kRounds; ++round) {
-      Loops active;
-      for (const std::size_t e : loops_)
-        if (graph_.edges()[e].active) active.push_back(e);
       Uncertainty uncertainty(graph_);
       std::vector<double> gains(graph_.edges().size(), 0.0), all;
       std::vector<bool> by_chance(graph_.edges().size(), false);
-      for (const std::size_t e : active) {
+      for (const std::size_t e : active()) {
         const Gain without = gain(uncertainty, {e});
         all.push_back(gains[e] = without.chi2);
         by_chance[e] =
@@ -217,7 +271,7 @@ class Growth {
       }
       estimateScale(all);
       Loops contradicted;
-      for (const Loops& group : groupsOf(graph_, active)) {
+      for (const Loops& group : groupsOf(graph_, active())) {
         const bool as_one = group.size() > 1 && group.size() <= kMostInGroup &&
                             gain(uncertainty, group).chi2 > most(group.size());
         for (const std::size_t e : group)
@@ -229,7 +283,8 @@ class Growth {
     }
   }
 
-  // What chi2 is more with some loops, and of one the covariance of its error without it.
+  // What chi2 is more with some loops, and the logarithm of the determinant of their errors' covariance
+  // without them, whitened by their information.
   struct Gain {
     double chi2, log_covariance;
   };

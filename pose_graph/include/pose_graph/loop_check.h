@@ -46,7 +46,8 @@ struct LoopCheckResult {
 /// growth: the more loops are accepted, the better is known where the poses at another one's ends lie to each
 /// other. Loops whose error is known best come first; accepted are those whose error fits its covariance,
 /// alone and with each other of some at a time. Where others contradict what was accepted, it goes, singly or
-/// with its neighbours, and what was refused is tried again when more is known. Where loops fit much better
+/// with its neighbours, and what was refused is tried again when more is known; at last also without each of
+/// some groups without which least would be known. Where loops fit much better
 /// than their information says, as in most simulated graphs, they are judged by how well they do fit.
 ///
 /// pcm: Mangelson et al., "Pairwise Consistent Measurement Set Maximization", ICRA 2018, with a greedy
