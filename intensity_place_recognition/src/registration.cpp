@@ -11,12 +11,13 @@
 namespace intensity_place_recognition {
 namespace {
 
-constexpr float kCell = 0.75f;       // m, of the ground plan
-constexpr float kFirstReach = 2.0f;  // m, of the nearest patches in the first iteration
-constexpr float kLastReach = 0.5f;   // and the last
-constexpr double kResidual = 0.1;    // m, from which on a patch counts less
-constexpr float kMatched = 0.5f;     // m between patches that are the same
-constexpr float kMargin = 1.0f;      // m behind a point that says it isn't there
+constexpr float kCell = 0.75f;        // m, of the ground plan
+constexpr float kFirstReach = 2.0f;   // m, of the nearest patches in the first iteration
+constexpr float kLastReach = 0.5f;    // and the last
+constexpr double kResidual = 0.1;     // m, from which on a patch counts less
+constexpr double kLeastError = 1e-3;  // m, of a patch: no scan is better, even where two are the same
+constexpr float kMatched = 0.5f;      // m between patches that are the same
+constexpr float kMargin = 1.0f;       // m behind a point that says it isn't there
 constexpr std::size_t kFewestPairs = 50;
 constexpr std::size_t kRefined = 1750;  // patches at most that the pose is measured by
 
@@ -158,7 +159,7 @@ bool Registrar::refine(const Shape& query, const Tree& tree, Registration& resul
     change.translation() = step.head<3>();
     result.pose = change * result.pose;
     // Patches next to each other err alike, so that they count as a tenth as many.
-    result.covariance = (10.0 * errors / weights) * damped.inverse();
+    result.covariance = 10.0 * std::max(errors / weights, kLeastError * kLeastError) * damped.inverse();
     if (t >= 1.0f && step.head<3>().norm() < 1e-3 && turn.norm() < 1e-4) break;
   }
   return true;

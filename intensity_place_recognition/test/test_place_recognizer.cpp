@@ -43,6 +43,20 @@ TEST(PlaceRecognizer, FindsAPlaceInAnyDirectionWithItsPose) {
   }
 }
 
+// As of a recording that is played twice.
+TEST(PlaceRecognizer, IsNotInfinitelySureOfTheSameScan) {
+  PlaceRecognizer recognizer;
+  const Cloud scan = Street(3).scan(Street::at(0.0, 0.0, 0.2));
+  recognizer.process(scan);
+  const Recognition again = recognizer.process(scan);
+  ASSERT_TRUE(again.registration.accepted);
+  EXPECT_LT(again.registration.pose.translation().norm(), 1e-3);
+  const Matrix6 information = informationAtQuery(again.registration);
+  ASSERT_TRUE(information.allFinite());
+  EXPECT_GT(information.ldlt().vectorD().minCoeff(), 0.0);
+  EXPECT_LT(information.diagonal().maxCoeff(), 1e12);
+}
+
 TEST(PlaceRecognizer, SavesAndLoads) {
   const mapping_common::TempDir dir;
   const std::string path = dir.path("places.db");
