@@ -22,7 +22,7 @@ constexpr auto choicesOf(FrontEndPose) {
 }
 
 struct PoseGraphParameters {
-  std::string edge_topics = "edges, loop_closures";
+  std::string edge_topics = "edges, loop_closures, places";
   FrontEndPose front_end_pose = FrontEndPose::kTopic;
   std::string map_frame = "map", odom_frame = "odom", base_frame = "base_link";
   bool publish_tf = false;
