@@ -78,9 +78,7 @@ class Growth {
     Uncertainty uncertainty(graph_);
     std::vector<std::pair<double, std::size_t>> volumes;
     for (const std::size_t e : loops) {
-      Eigen::MatrixXd covariance = uncertainty.errors({e}).covariance;
-      covariance.diagonal().array() += 1.0;
-      volumes.emplace_back(logDeterminant(covariance), e);
+      volumes.emplace_back(logDeterminant(uncertainty.errors({e}).covariance), e);
     }
     std::stable_sort(volumes.begin(), volumes.end(),
                      [](const auto& a, const auto& b) { return a.first < b.first; });
@@ -132,11 +130,8 @@ class Growth {
       solve();
       Uncertainty without(graph_);
       Loops fitting;
-      for (const std::size_t e : refused) {
-        Uncertainty::Errors errors = without.errors({e});
-        errors.covariance.diagonal().array() += 1.0;
-        if (errors.errors.dot(errors.covariance.llt().solve(errors.errors)) <= most(1)) fitting.push_back(e);
-      }
+      for (const std::size_t e : refused)
+        if (squared(without.errors({e})) <= most(1)) fitting.push_back(e);
       if (fitting.size() > group.size()) {
         Loops left = refused;
         left.insert(left.end(), group.begin(), group.end());
@@ -170,22 +165,20 @@ class Growth {
   }
 
   Loops fittingOf(const Loops& batch) const {
-    Uncertainty::Errors known = Uncertainty(graph_).errors(batch);
-    known.covariance.diagonal().array() += 1.0;
+    const Uncertainty::Errors known = Uncertainty(graph_).errors(batch);
     const int n = graph_.dimension();
     const auto chi2 = [&](const Loops& some) {  // of their errors together
       const auto size = static_cast<Eigen::Index>(some.size());
-      Eigen::VectorXd errors(n * size);
-      Eigen::MatrixXd covariance(n * size, n * size);
+      Uncertainty::Errors part{Eigen::VectorXd(n * size), Eigen::MatrixXd(n * size, n * size)};
       for (Eigen::Index i = 0; i < size; ++i) {
         const auto row = n * static_cast<Eigen::Index>(some[static_cast<std::size_t>(i)]);
-        errors.segment(n * i, n) = known.errors.segment(row, n);
+        part.errors.segment(n * i, n) = known.errors.segment(row, n);
         for (Eigen::Index j = 0; j < size; ++j) {
           const auto column = n * static_cast<Eigen::Index>(some[static_cast<std::size_t>(j)]);
-          covariance.block(n * i, n * j, n, n) = known.covariance.block(row, column, n, n);
+          part.covariance.block(n * i, n * j, n, n) = known.covariance.block(row, column, n, n);
         }
       }
-      return errors.dot(covariance.llt().solve(errors));
+      return squared(part);
     };
     Loops fitting;
     for (std::size_t i = 0; i < batch.size(); ++i)
@@ -208,7 +201,8 @@ class Growth {
   }
 
   // Whether an error is likelier of a right loop, by kOdds, than of a wrong one, which may have any error
-  // that has room in the map. Where little is known, wrong ones fit by chance.
+  // that has room in the map: N(error; 0, S) > kOdds / volume. Where little is known, S is large, and wrong
+  // ones fit by chance.
   // @param log_covariance logarithm of the determinant of the error's covariance, whitened by the loop's
   // information
   bool isLikely(std::size_t loop, double chi2, double log_covariance) const {
@@ -235,8 +229,12 @@ class Growth {
     return chi2 / scale_ + n * std::log(2.0 * M_PI * scale_) + log_determinant + 2.0 * std::log(kOdds) <=
            2.0 * std::log(volume);
   }
+  // Of a covariance or information, which rounding may have made slightly negative.
   static double logDeterminant(const Eigen::MatrixXd& m) {
-    return 2.0 * m.llt().matrixLLT().diagonal().array().log().sum();
+    return m.ldlt().vectorD().array().max(1e-12).log().sum();
+  }
+  static double squared(const Uncertainty::Errors& e) {
+    return e.errors.dot(e.covariance.ldlt().solve(e.errors));
   }
 
   // As long as there are loops that don't fit where the poses are now: the error above was a linear one.
@@ -290,9 +288,7 @@ class Growth {
   };
   static Gain gain(Uncertainty& uncertainty, const Loops& some) {
     const Uncertainty::Errors errors = uncertainty.errors(some);
-    Eigen::MatrixXd covariance = -errors.covariance;
-    covariance.diagonal().array() += 1.0;
-    return {errors.errors.dot(covariance.ldlt().solve(errors.errors)), -logDeterminant(covariance)};
+    return {squared(errors), -logDeterminant(errors.covariance)};
   }
 
   // By a quantile that is high enough to tell of heavy tails, and that few wrong ones hardly move.
@@ -318,6 +314,7 @@ class Growth {
 
 OptimisationResult grow(Graph& graph, const std::vector<std::size_t>& loops, const LoopCheckOptions& options,
                         const Progress& progress) {
+  if (loops.empty()) return optimise(graph, options.optimisation, progress);
   return Growth(graph, loops, options, progress).run();
 }
 

@@ -91,6 +91,8 @@ Uncertainty::Errors Uncertainty::errors(const std::vector<std::size_t>& loops) {
     }
   }
   if (loops.size() > 1) result.covariance.noalias() = spread.transpose() * spread;
+  if (!loops.empty() && graph_.edges()[loops.front()].active) result.covariance *= -1.0;
+  result.covariance.diagonal().array() += 1.0;
   return result;
 }
 

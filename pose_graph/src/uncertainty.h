@@ -18,9 +18,10 @@ class Uncertainty {
   /// some kilometres. @throws std::runtime_error where information leaves poses undetermined
   explicit Uncertainty(const Graph& graph);
 
-  /// Of loops: their errors, and the covariance of these by that of the poses alone, both whitened by the
-  /// loops' information. With the identity added, the covariance is that of the errors of loops that aren't
-  /// in the graph; subtracted from the identity, of those that are.
+  /// Of loops that all are active, or all aren't: their errors and the covariance of these, both whitened by
+  /// the loops' information. With Y Y^T that of the poses alone, it is I + Y Y^T of loops that aren't in the
+  /// graph, and I - Y Y^T of those that are, which have drawn the poses to them. Squared errors over it are
+  /// what the loops add to chi2, or have added.
   struct Errors {
     Eigen::VectorXd errors;      ///< graph.dimension() for each loop
     Eigen::MatrixXd covariance;  ///< of all these

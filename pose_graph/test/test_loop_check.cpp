@@ -116,6 +116,37 @@ TEST(LoopCheck, GrowthJoinsParts) {
   }
 }
 
+TEST(LoopCheck, GrowthFindsHalfOfAllWrong) {
+  for (const bool planar : {false, true}) {
+    Graph optimum = rounds(planar, 200, 40, 0.01, 4);
+    optimise(optimum);
+    Graph graph = optimum;
+    std::mt19937 random(5);
+    std::uniform_int_distribution<std::size_t> any(0, 199), right(200, optimum.edges().size() - 1);
+    std::vector<std::size_t> wrong;
+    while (wrong.size() < 160) {
+      Edge edge = optimum.edges()[right(random)];
+      edge.from = any(random), edge.to = any(random);
+      if (edge.from == edge.to) continue;
+      const Vector6 error =
+          errorOf(edge, optimum.nodes()[edge.from].pose, optimum.nodes()[edge.to].pose, planar);
+      if (error.dot(edge.information * error) > 1000.0) wrong.push_back(graph.addEdge(edge));
+    }
+    startFromOdometry(graph);
+    const LoopCheckResult result = optimiseAndCheck(graph);
+    for (const std::size_t e : wrong) EXPECT_FALSE(graph.edges()[e].active) << e << (planar ? " planar" : "");
+    EXPECT_LE(result.revoked.size(), wrong.size() + 8) << "160 right loops, and 1 in 100 is revoked";
+    EXPECT_LT(meanDistance(optimum, graph), 0.01);
+  }
+}
+
+TEST(LoopCheck, TakesGraphsWithoutLoops) {
+  Graph graph(true);
+  EXPECT_NO_THROW(optimiseAndCheck(graph));
+  graph.addNode({0, 0, {}, false});
+  EXPECT_TRUE(optimiseAndCheck(graph).revoked.empty());
+}
+
 TEST(LoopCheck, ThresholdsAreThoseOfChiSquare) {
   LoopCheckOptions options;
   options.confidence = 0.95;
