@@ -2,8 +2,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 #
 # The Python module of the map, and the example that draws a slice.
+import copy
 import math
 import pathlib
+import pickle
 import subprocess
 import sys
 import tempfile
@@ -136,6 +138,69 @@ class PythonTest(unittest.TestCase):
         cells = room.occupied_cells()
         numpy.testing.assert_allclose(sorted(cells['reflectivity']), [0.25, 0.75])
         self.assertEqual(cells['hits'].tolist(), [1, 1])
+
+    def test_a_sensor_that_moves(self):
+        hits, misses = numpy.array([[3.05, 0.05, 0.05], [3.05, 2.05, 0.05]]), numpy.array([[3.05, 4.05, 0.05]])
+        street = core.OccupancyMap(resolution=0.1)
+        street.insert_scan([0.05] * 3, hits, misses, hit_origins=hits - [2, 0, 0], miss_origins=misses - [2, 0, 0])
+        between = numpy.concatenate([hits, misses]) - [1, 0, 0]
+        self.assertEqual(street.state_at(between).tolist(), [core.FREE] * 3)
+        self.assertEqual(street.state_at(between - [1.5, 0, 0]).tolist(), [core.UNKNOWN] * 3)
+        for wrong in ({'hit_origins': hits[:1]}, {'miss_origins': hits}):
+            with self.assertRaisesRegex(ValueError, 'origins'):
+                street.insert_scan([0.05] * 3, hits, misses, **wrong)
+
+    def test_times_let_obstacles_decay(self):
+        room = core.OccupancyMap(resolution=0.1, decay_time=10.0)
+        for time in range(10):
+            room.insert_scan([0.05] * 3, [[2.05, 0.05, 0.05]], time=time)
+        self.assertEqual(room.state_at([2.05, 0.05, 0.05]), core.OCCUPIED)
+        room.insert_scan([0.05] * 3, [[0.05, 2.05, 0.05]], time=40.0)
+        self.assertEqual(room.state_at([[2.05, 0.05, 0.05], [0.05, 2.05, 0.05], [1.05, 0.05, 0.05]]).tolist(),
+                         [core.UNKNOWN, core.OCCUPIED, core.FREE])
+
+    def test_range(self):
+        room = core.OccupancyMap(resolution=0.1)
+        room.set_range(0.5, 3.0)
+        self.assertEqual((room.options['sensor_model/min_range'], room.options['sensor_model/max_range']), (0.5, 3.0))
+        report = room.insert_scan([0.05] * 3, [[5.05, 0.05, 0.05], [0.25, 0.05, 0.05], [0.05, 2.05, 0.05]])
+        self.assertEqual((report['hits'], report['beyond_range'], report['too_near']), (1, 1, 1))
+        with self.assertRaisesRegex(ValueError, 'max_range'):
+            room.set_range(1.0, 0.5)
+
+    def test_merging(self):
+        points = numpy.random.RandomState(3).uniform(LOW - 0.5, HIGH + 3.0, (2000, 3))
+        shift = numpy.eye(4)
+        shift[:3, 3] = [0.0, 0.0, 3.0]
+        upstairs = self.room.transformed(shift)
+        numpy.testing.assert_array_equal(upstairs.log_odds_at(points), self.room.log_odds_at(points - [0, 0, 3.0]))
+        house = self.room.merged(upstairs)
+        one, other = self.room.log_odds_at(points), upstairs.log_odds_at(points)
+        expected = numpy.where(numpy.isnan(one), other, numpy.where(numpy.isnan(other), one, one + other))
+        limits = [math.log(p / (1 - p)) for p in (0.12, 0.97)]
+        numpy.testing.assert_allclose(house.log_odds_at(points), numpy.clip(expected, *limits), atol=1e-5)
+        coarse = house.transformed(numpy.eye(4), resolution=0.4)
+        self.assertEqual(coarse.resolution, 0.4)
+        self.assertLess(len(coarse), len(house))
+        occupied = house.occupied_cells()
+        self.assertTrue((coarse.state_at(0.5 * (occupied['min'] + occupied['max'])) == core.OCCUPIED).all())
+        with self.assertRaisesRegex(ValueError, 'resolution'):
+            house.merged(coarse)
+        for wrong in (numpy.eye(3), 2 * numpy.eye(4), numpy.diag([1.0, 1.0, -1.0, 1.0]), numpy.full((4, 4), numpy.nan)):
+            with self.assertRaisesRegex(ValueError, 'transform'):
+                house.transformed(wrong)
+        with self.assertRaisesRegex(ValueError, 'resolutoin'):
+            house.transformed(numpy.eye(4), resolutoin=0.4)
+
+    def test_copies(self):
+        points = numpy.random.RandomState(4).uniform(LOW - 0.5, HIGH + 0.5, (2000, 3))
+        for again in (core.OccupancyMap.from_bytes(self.room.to_bytes()), pickle.loads(pickle.dumps(self.room)),
+                      copy.copy(self.room), copy.deepcopy(self.room)):
+            numpy.testing.assert_array_equal(again.log_odds_at(points), self.room.log_odds_at(points))
+            again.clear()
+        self.assertGreater(len(self.room), 0)
+        with self.assertRaisesRegex(RuntimeError, 'checksum'):
+            core.OccupancyMap.from_bytes(self.room.to_bytes()[:-1])
 
     def test_clearing(self):
         room = map_of_a_room()

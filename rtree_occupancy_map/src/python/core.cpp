@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "rtree_occupancy_map/map_transform.h"
 #include "rtree_occupancy_map/occupancy_map.h"
 #include "rtree_occupancy_map/octomap_file.h"
 #include "rtree_occupancy_map/pcd_file.h"
@@ -107,8 +108,8 @@ py::object forEachPoint(const Doubles& points, ValueOf&& valueOf) {
   return py::object(values);
 }
 
-Options toOptions(const py::kwargs& given) {
-  Options options;
+// @param options those that aren't given
+Options toOptions(const py::kwargs& given, Options options = {}) {
   mapping_common::OptionValues values;
   for (const auto& [name, value] : given) {
     mapping_common::OptionValue& option = values[name.cast<std::string>()];
@@ -172,11 +173,15 @@ WindowOptions windowOf(const std::string& file, double distance, double memory) 
 }
 
 py::dict insertScan(OccupancyMap& map, const Doubles& origin, const Floats& hits, const Floats& misses,
-                    const Floats& reflectivity) {
+                    const Floats& reflectivity, double time, const Floats& hit_origins,
+                    const Floats& miss_origins) {
   Scan scan;
+  scan.time = time;
   scan.origin = toVector("origin", origin).cast<float>();
   scan.hits = toPoints("hits", hits);
   scan.misses = toPoints("misses", misses);
+  scan.hit_origins = toPoints("hit_origins", hit_origins);
+  scan.miss_origins = toPoints("miss_origins", miss_origins);
   if (reflectivity.ndim() != 1) rejectShape("reflectivity", reflectivity, "(N,)");
   scan.reflectivity.assign(reflectivity.data(), reflectivity.data() + reflectivity.size());
   const InsertReport report = map.insertScan(scan);
@@ -184,6 +189,31 @@ py::dict insertScan(OccupancyMap& map, const Doubles& origin, const Floats& hits
   return py::dict("hits"_a = report.hits, "non_finite"_a = report.non_finite, "too_near"_a = report.too_near,
                   "beyond_range"_a = report.beyond_range, "outside"_a = report.outside,
                   "changed_blocks"_a = report.changed_blocks.size());
+}
+
+// @param array a rigid transform, (4, 4)
+Eigen::Isometry3d toTransform(const Doubles& array) {
+  if (array.ndim() != 2 || array.shape(0) != 4 || array.shape(1) != 4)
+    rejectShape("transform", array, "(4, 4)");
+  const Eigen::Matrix4d matrix = Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(array.data());
+  const Eigen::Matrix3d rotation = matrix.topLeftCorner<3, 3>();
+  constexpr double kTolerance = 1e-6;
+  if (!matrix.allFinite() || !rotation.isUnitary(kTolerance) || rotation.determinant() < 0.0 ||
+      (matrix.row(3) - Eigen::RowVector4d(0.0, 0.0, 0.0, 1.0)).norm() > kTolerance)
+    throw std::invalid_argument("transform isn't a rotation and a translation");
+  Eigen::Isometry3d transform = Eigen::Isometry3d::Identity();
+  transform.linear() = rotation;
+  transform.translation() = matrix.topRightCorner<3, 1>();
+  return transform;
+}
+
+py::bytes toBytes(const OccupancyMap& map) {
+  return py::bytes(map.toBytes());
+}
+
+OccupancyMap fromBytes(const py::bytes& bytes) {
+  const std::string content = bytes;
+  return OccupancyMap::fromBytes(content.data(), content.data() + content.size(), "the map in bytes");
 }
 
 py::array_t<CellRow> cellsInBox(const OccupancyMap& map, const Doubles& min, const Doubles& max,
@@ -300,15 +330,43 @@ PYBIND11_MODULE(core, module) {
           "resolution", [](const OccupancyMap& map) { return map.options().resolution; },
           "m, edge of a voxel, the smallest cell.")
       .def("insert_scan", &insertScan, py::arg("origin"), py::arg("hits"), py::arg("misses") = Floats(0),
-           py::arg("reflectivity") = Floats(0),
+           py::arg("reflectivity") = Floats(0), py::arg("time") = 0.0, py::arg("hit_origins") = Floats(0),
+           py::arg("miss_origins") = Floats(0),
            "Updates every voxel that a scan touches once.\n\n"
            "origin: (3,), where the beams start. hits: (N, 3), where they were reflected. misses: (M, 3), "
            "ends of\n"
            "beams without a return, which only clear. reflectivity: (N,), if the map has option "
            "reflectivity.\n"
+           "time: s, when it was measured, for option decay_time. hit_origins, miss_origins: (N, 3), (M, 3), "
+           "of a\n"
+           "sensor that moved meanwhile: where the beam to each starts, instead of at origin.\n"
            "Returns a dict with how many hits were mapped, and left out and why, and of changed blocks of "
            "32^3 "
            "voxels.")
+      .def("set_range", &OccupancyMap::setRange, py::arg("min_range"), py::arg("max_range"),
+           "Changes the options sensor_model/min_range and max_range (m) for the scans to come.")
+      .def(
+          "merged", [](const OccupancyMap& a, const OccupancyMap& b) { return merged(a, b); },
+          py::arg("other"),
+          "A new map of what either of two knows. What both know adds up, as of independent observations. "
+          "Frame and\n"
+          "resolution of the other have to be this one's: transformed() makes them so.")
+      .def(
+          "transformed",
+          [](const OccupancyMap& map, const Doubles& transform, const py::kwargs& options) {
+            return transformed(map, toTransform(transform), toOptions(options, map.options()));
+          },
+          py::arg("transform"),
+          "transformed(numpy.eye(4), resolution=0.5): a new map in another frame, with other options than "
+          "this\n"
+          "one's where some are given. transform: (4, 4), from this map's frame to the new one's. A larger "
+          "voxel is\n"
+          "as occupied as the most occupied part of it.")
+      .def("to_bytes", &toBytes, "What save() writes to a .map file.")
+      .def_static("from_bytes", &fromBytes, py::arg("bytes"), "The map of that. pickle and copy do the same.")
+      .def(py::pickle(&toBytes, &fromBytes))
+      .def("__copy__", [](const OccupancyMap& map) { return fromBytes(toBytes(map)); })
+      .def("__deepcopy__", [](const OccupancyMap& map, const py::dict&) { return fromBytes(toBytes(map)); })
       .def("clear", &OccupancyMap::clear, "Forgets all cells.")
       .def(
           "clear_box",
