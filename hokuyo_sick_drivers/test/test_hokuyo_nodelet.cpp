@@ -104,7 +104,7 @@ class HokuyoNodeletTest : public mapping_common::NodeletTest {
     return false;
   }
   void expectStatus(std::uint8_t level, const std::string& words) {
-    EXPECT_TRUE(waitFor([&] { return hasStatus(level, words); }, 20.0)) << words;
+    EXPECT_TRUE(waitFor([&] { return hasStatus(level, words); })) << words;
   }
   std::size_t rays(const Recorder<sensor_msgs::LaserScan>& scans) const {
     return scans.messages.empty() ? 0 : scans.messages.back().ranges.size();

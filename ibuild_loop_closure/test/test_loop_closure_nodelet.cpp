@@ -64,7 +64,7 @@ class LoopClosure : public mapping_common::NodeletTest {
     }
   }
   bool waitForKeyFrames(int count) {
-    return waitFor([&] { return diagnostic("Loop closure", "Key frames") == std::to_string(count); }, 30.0);
+    return waitFor([&] { return diagnostic("Loop closure", "Key frames") == std::to_string(count); });
   }
   template <class Service>
   typename Service::Response callWithPath(const std::string& service, const std::string& path) {
@@ -141,7 +141,7 @@ TEST_F(LoopClosure, GivesATransformWithDepth) {
     spinFor(0.01);
   }
   // The synchronizer keeps the last pair until it sees a later one.
-  ASSERT_TRUE(waitFor([&] { return edges_.messages.size() >= kWalk / 2u; }, 30.0));
+  ASSERT_TRUE(waitFor([&] { return edges_.messages.size() >= kWalk / 2u; }));
   int with_transform = 0;
   for (const EdgeConstraint& edge : edges_.messages) {
     if (!edge.has_transform) continue;

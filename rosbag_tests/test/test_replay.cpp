@@ -395,7 +395,7 @@ TEST_F(Replay, CloudsAndScansOfARoom) {
   EXPECT_EQ(scans_sent_, 82u);
   EXPECT_EQ(without_transform_, 0u);
   expectMapOfTheCore();
-  EXPECT_TRUE(waitFor([this] { return counted("Inserted") == static_cast<long>(inserted_ + probes_); }, 5.0))
+  EXPECT_TRUE(waitFor([this] { return counted("Inserted") == static_cast<long>(inserted_ + probes_); }))
       << counted("Inserted");
   for (const char* reason : {"no transform", "malformed", "empty", "time jump"})
     EXPECT_EQ(counted(std::string("Dropped: ") + reason), 0) << reason;
@@ -419,7 +419,7 @@ TEST_F(Replay, TwiceInARow) {
   EXPECT_EQ(clouds_sent_, 40u);
   EXPECT_EQ(inserted_, 40u);
   expectMapOfTheCore();
-  EXPECT_TRUE(waitFor([this] { return warned("Time jumped back"); }, 5.0));
+  EXPECT_TRUE(waitFor([this] { return warned("Time jumped back"); }));
 }
 
 // As users do it. Only clouds, as the order of two topics is open then; their transforms come well before
@@ -470,10 +470,10 @@ TEST_F(Replay, RecordedScansWithOdometry) {
   EXPECT_EQ(inserted_, 231u);
   expectMapOfTheCore();
   // That one waited until transforms of its time were out of the question.
-  EXPECT_TRUE(waitFor(
-      [this] { return counted("Dropped: no transform") == 1 && counted("Waiting for transforms") == 0; },
-      5.0))
-      << counted("Dropped: no transform") << ' ' << counted("Waiting for transforms");
+  EXPECT_TRUE(waitFor([this] {
+    return counted("Dropped: no transform") == 1 && counted("Waiting for transforms") == 0;
+  })) << counted("Dropped: no transform")
+      << ' ' << counted("Waiting for transforms");
   EXPECT_FALSE(warned("Time jumped back"));
 }
 

@@ -40,12 +40,12 @@ TEST_F(SimTime, AClockThatStandsIsSaid) {
     }
     return text;
   };
-  EXPECT_TRUE(waitFor([&] { return summary() == "/use_sim_time is true, and the clock stands"; }, 15.0))
+  EXPECT_TRUE(waitFor([&] { return summary() == "/use_sim_time is true, and the clock stands"; }))
       << summary();
   rosgraph_msgs::Clock clock;
   clock.clock = ros::Time(500.0);
   clock_.publish(clock);
-  EXPECT_TRUE(waitFor([&] { return summary() == "Running"; }, 5.0)) << summary();
+  EXPECT_TRUE(waitFor([&] { return summary() == "Running"; })) << summary();
 }
 
 TEST_F(SimTime, MapGoesOnWhenARecordingLoops) {

@@ -211,7 +211,7 @@ inline void fuzz(const std::vector<std::string>& frames, const std::function<voi
     }
   }
   std::cout << count << " messages" << std::endl;
-  ASSERT_TRUE(ros::service::waitForService("/manager/load_nodelet", ros::Duration(5.0)));
+  ASSERT_TRUE(ros::service::waitForService("/manager/load_nodelet", ros::Duration(60.0)));
 }
 
 }  // namespace mapping_common

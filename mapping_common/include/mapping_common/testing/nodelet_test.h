@@ -20,7 +20,7 @@ namespace mapping_common {
 
 /// Lets callbacks run until the condition holds. @param seconds, under sanitizers kSlowness times as many
 /// @return false if it didn't in time
-inline bool waitFor(const std::function<bool()>& condition, double seconds = 10.0) {
+inline bool waitFor(const std::function<bool()>& condition, double seconds = 60.0) {
   const ros::WallTime end = ros::WallTime::now() + ros::WallDuration(seconds * kSlowness);
   while (ros::ok()) {
     ros::spinOnce();
@@ -43,7 +43,7 @@ class Recorder {
       : subscriber_(node.subscribe<Message>(
             topic, 1000,
             [this](const boost::shared_ptr<const Message>& message) { messages.push_back(*message); })) {}
-  bool waitForOne(double seconds = 10.0) {
+  bool waitForOne(double seconds = 60.0) {
     const std::size_t before = messages.size();
     return waitFor([&] { return messages.size() > before; }, seconds);
   }
@@ -75,7 +75,7 @@ class NodeletTest : public ::testing::Test {
     load.request.type = type_;
     load.request.remap_source_args = remap_from;
     load.request.remap_target_args = remap_to;
-    EXPECT_TRUE(ros::service::waitForService("/manager/load_nodelet", ros::Duration(30.0)));
+    EXPECT_TRUE(ros::service::waitForService("/manager/load_nodelet", ros::Duration(60.0)));
     loaded_ = ros::service::call("/manager/load_nodelet", load) && load.response.success;
     return loaded_;
   }
@@ -117,7 +117,7 @@ class NodeletTest : public ::testing::Test {
     return value;
   }
   void expectDiagnostic(const std::string& status, const std::string& key, const std::string& value) {
-    EXPECT_TRUE(waitFor([&] { return diagnostic(status, key) == value; }, 5.0))
+    EXPECT_TRUE(waitFor([&] { return diagnostic(status, key) == value; }))
         << key << " is " << diagnostic(status, key) << ", expected " << value;
   }
 
