@@ -274,10 +274,15 @@ bool LoopFinder::agree(const Found& earlier, const Found& later) const {
   return error.head<2>().norm() <= kSame && std::abs(error.z()) <= kSameAngle;
 }
 
+Eigen::Matrix3d loopCovariance(const Eigen::Matrix3d& match, const LoopOptions& options) {
+  const double distance = options.sigma_distance, angle = options.sigma_angle;
+  Eigen::Matrix3d covariance = match;
+  covariance.diagonal() += Eigen::Vector3d(distance * distance, distance * distance, angle * angle);
+  return covariance;
+}
+
 Edge LoopFinder::accept(const Found& found) {
-  Eigen::Matrix3d covariance = found.covariance;
-  const double distance = options_.sigma_distance, angle = options_.sigma_angle;
-  covariance += Eigen::Vector3d(distance * distance, distance * distance, angle * angle).asDiagonal();
+  const Eigen::Matrix3d covariance = loopCovariance(found.covariance, options_);
   connect(found.from, found.to, found.transform, covariance, kTieLength);
   last_tie_ = nodes_[found.to].travelled;
   ++counts_.loops;

@@ -330,26 +330,8 @@ Scan Slam::undistorted(const Scan& scan) const {
   return moved(scan, 0.0);
 }
 
-// To where the points are seen from at a time after the stamp.
 Scan Slam::moved(const Scan& scan, double time) const {
-  Scan result = scan;
-  if (!options_.deskew || scan.times.empty() || velocity_.isZero()) return result;
-  // Eq. 3.7 for all points at once, each with the motion from that time to its own.
-  const Eigen::Vector3f velocity = velocity_.cast<float>();
-  const auto move = [&](const std::vector<float>& times, std::vector<Eigen::Vector2f>& points) {
-    if (points.empty()) return;
-    const Eigen::Index n = points.size();
-    const Eigen::ArrayXf elapsed =
-        Eigen::Map<const Eigen::ArrayXf>(times.data(), n) - static_cast<float>(time);
-    const Eigen::ArrayXf c = (velocity.z() * elapsed).cos(), s = (velocity.z() * elapsed).sin();
-    Eigen::Map<Eigen::Array2Xf> at(points.front().data(), 2, n);
-    const Eigen::ArrayXf x = at.row(0), y = at.row(1);
-    at.row(0) = (c * x - s * y + velocity.x() * elapsed).transpose();
-    at.row(1) = (s * x + c * y + velocity.y() * elapsed).transpose();
-  };
-  move(scan.times, result.points);
-  move(scan.free_times, result.free);
-  return result;
+  return options_.deskew ? seenAt(time, scan, velocity_) : scan;
 }
 
 void Slam::place(const Scan& scan, bool unsure, SlamResult& result) {

@@ -35,6 +35,23 @@ std::optional<Pose> Trajectory::at(std::int64_t stamp, std::int64_t gap) const {
   return interpolate(before->pose, after->pose, static_cast<double>(stamp - before->stamp) / apart);
 }
 
+std::optional<Vector6> Trajectory::velocity(std::int64_t stamp, std::int64_t around) const {
+  const auto here = at(stamp);
+  if (!here) return std::nullopt;
+  auto from = at(stamp - around), to = at(stamp + around);
+  const std::int64_t time = (from ? around : 0) + (to ? around : 0);
+  if (time == 0) return std::nullopt;
+  const auto seen = [&](const std::optional<Pose>& pose) -> Vector6 {
+    if (!pose) return Vector6::Zero();
+    const Pose relative = here->inverse() * *pose;
+    const Eigen::AngleAxisd turn(relative.rotation);
+    Vector6 motion;
+    motion << relative.translation, turn.angle() * turn.axis();
+    return motion;
+  };
+  return (seen(to) - seen(from)) / (1e-9 * static_cast<double>(time));
+}
+
 Pose interpolate(const Pose& a, const Pose& b, double share) {
   return {a.translation + share * (b.translation - a.translation), a.rotation.slerp(share, b.rotation)};
 }

@@ -14,6 +14,11 @@
 
 namespace intensity_hector_slam {
 
+/// Of the transform between two key poses, of which the one's scan was matched in a map of scans around the
+/// other: that of the match, and what such a map is off by.
+/// @param match m^2, m rad, rad^2
+Eigen::Matrix3d loopCovariance(const Eigen::Matrix3d& match, const LoopOptions& options);
+
 /// Finds loops: key poses at which a place is seen again that earlier key scans saw.
 ///
 /// How far a key pose may be from an earlier one follows from what lies between: covariances and drift add up

@@ -4,6 +4,8 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "intensity_hector_slam/pose.h"
+
 namespace intensity_hector_slam {
 
 /// One sweep of a planar scanner in the frame of the body whose pose is estimated. Only what was measured:
@@ -20,5 +22,12 @@ struct Scan {
   std::vector<Eigen::Vector2f> free;
   std::vector<float> free_times;  ///< as `times`
 };
+
+/// A scan whose points, seen by a body that moves, are where they are seen from at one time (thesis,
+/// Eq. 3.7).
+/// @param velocity of the body during the scan: m/s, m/s, rad/s, of its own axes
+/// @param time s, after the stamp
+/// @return with the times as they were
+Scan seenAt(double time, const Scan& scan, const Pose& velocity);
 
 }  // namespace intensity_hector_slam

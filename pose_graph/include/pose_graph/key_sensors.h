@@ -22,9 +22,12 @@ class KeySensors {
   explicit KeySensors(std::int64_t hold = 2'000'000'000, std::int64_t wait = 10'000'000'000)
       : hold_(hold), wait_(wait) {}
 
+  using Encode = std::function<KeyData(const Trajectory& front_end)>;
+  /// @param until to when it took, on from the stamp: nothing is picked before the front end's poses are
+  /// there
   /// @param encode gives the data, in the frame of the body at the stamp; is called where they are picked,
   /// and throws nothing
-  void add(DataKind kind, std::int64_t stamp, std::function<KeyData()> encode);
+  void add(DataKind kind, std::int64_t stamp, std::int64_t until, Encode encode);
   /// What has been picked since, with key pose, stamp and `sensor`.
   std::vector<KeyData> take(const OnlineGraph& graph);
   bool has(DataKind kind, std::size_t node) const { return nodes_.count({kind, node}) > 0; }
@@ -34,8 +37,8 @@ class KeySensors {
 
  private:
   struct Item {
-    std::int64_t stamp;
-    std::function<KeyData()> encode;
+    std::int64_t stamp, until;
+    Encode encode;
   };
   std::int64_t hold_, wait_;
   std::map<DataKind, std::deque<Item>> waiting_;

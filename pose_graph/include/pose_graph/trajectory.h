@@ -25,6 +25,10 @@ class Trajectory {
   /// Between two samples that are at most `gap` (ns) apart: linear, of the rotation spherical.
   std::optional<Pose> at(std::int64_t stamp, std::int64_t gap = 1'000'000'000) const;
 
+  /// How fast the body moves around a stamp, by what is known of `around` (ns) before and after it: m/s and
+  /// rad/s (a rotation vector's), of its own axes.
+  std::optional<Vector6> velocity(std::int64_t stamp, std::int64_t around = 100'000'000) const;
+
   bool empty() const { return samples_.empty(); }
   std::size_t size() const { return samples_.size(); }
   std::int64_t last() const { return samples_.back().stamp; }

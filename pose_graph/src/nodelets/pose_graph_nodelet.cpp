@@ -40,6 +40,7 @@
 #include "pose_graph/ros/parameters.h"
 #include "pose_graph/session_merge.h"
 #include "pose_graph/trajectory_file.h"
+#include "pose_graph/undistortion.h"
 
 namespace pose_graph {
 namespace {
@@ -108,7 +109,8 @@ class PoseGraphNodelet : public mapping_common::Nodelet {
   std::vector<ros::Subscriber> inputs_;
   mapping_common::LaserScans laser_scans_;
   std::unique_ptr<mapping_common::LaserFaults> laser_faults_;
-  std::optional<slam::ScanLimits> scan_limits_;
+  std::optional<slam::SlamParameters> front_end_;  // of SLAM, for scans
+  std::optional<bool> undistort_clouds_;           // as the R-tree map does
   std::list<Waiting> waiting_;
   std::set<std::tuple<std::string, ros::Time, ros::Time>> appearances_;  // that are known
   ros::Time last_tf_;
@@ -286,28 +288,49 @@ void PoseGraphNodelet::add(const Measurement& m) {
 void PoseGraphNodelet::keepScan(const sensor_msgs::LaserScan& message,
                                 const Arrivals::Transforms& transforms) {
   mapping_common::LaserReading reading = laser_scans_.read(message);
-  if (!scan_limits_)
-    scan_limits_ = parametersOf<slam::SlamParameters>(getNodeHandle(), parameters_.slam).scan;
-  auto scan = std::make_shared<slam::Scan>(slam::toScan(message, reading, transforms.message, *scan_limits_));
+  if (!front_end_) front_end_ = parametersOf<slam::SlamParameters>(getNodeHandle(), parameters_.slam);
+  const auto scan =
+      std::make_shared<slam::Scan>(slam::toScan(message, reading, transforms.message, front_end_->scan));
   laser_faults_->add(reading);
-  sensors_.add(DataKind::kScan, toNanoseconds(message.header.stamp), [scan, frame = parameters_.base_frame] {
-    KeyData data = toKeyData(*scan);
-    data.frame = frame;
-    return data;
-  });
+  const std::int64_t stamp = toNanoseconds(message.header.stamp);
+  sensors_.add(
+      DataKind::kScan, stamp, stamp + ros::Duration(rtree::sweepTimesOf(message).last).toNSec(),
+      [scan, stamp, options = front_end_->slam, frame = parameters_.base_frame](const Trajectory& path) {
+        KeyData data = toKeyData(undistorted(*scan, stamp, path, options));
+        data.frame = frame;
+        return data;
+      });
 }
 
 void PoseGraphNodelet::keepCloud(const sensor_msgs::PointCloud2& message,
                                  const Arrivals::Transforms& transforms) {
   const std::size_t nodes = graph_.graph().nodes().size();
   if (nodes == 0 || sensors_.has(DataKind::kCloud, nodes - 1)) return;
-  auto scan = std::make_shared<rtree::Scan>(rtree::toScan(message, transforms.message, {}).scan);
+  if (!undistort_clouds_)
+    undistort_clouds_ =
+        parametersOf<rtree::MappingParameters>(getNodeHandle(), parameters_.mapping).undistort;
+  const auto scan = std::make_shared<rtree::Scan>(rtree::toScan(message, transforms.message, {}).scan);
   scan->time = message.header.stamp.toSec();
-  sensors_.add(DataKind::kCloud, toNanoseconds(message.header.stamp), [scan, frame = parameters_.base_frame] {
-    KeyData data = toKeyData(*scan);
-    data.frame = frame;
-    return data;
-  });
+  const std::int64_t stamp = toNanoseconds(message.header.stamp);
+  mapping_common::SweepTimes times;
+  std::shared_ptr<const sensor_msgs::PointCloud2> sweep;
+  if (*undistort_clouds_) {
+    times = rtree::sweepTimesOf(message);
+    sweep = std::make_shared<const sensor_msgs::PointCloud2>(message);
+  }
+  const auto undistort = [=, sensor = toPose(transforms.message)](const Trajectory& front_end) {
+    const auto path = sensorPath(front_end, stamp, sensor, times.first, times.last);
+    if (!path) return;
+    *scan = rtree::toScan(*sweep, *path, *path, {}).scan;
+    scan->time = 1e-9 * static_cast<double>(stamp);
+  };
+  sensors_.add(DataKind::kCloud, stamp, stamp + ros::Duration(std::max(0.0, times.last)).toNSec(),
+               [=, frame = parameters_.base_frame](const Trajectory& front_end) {
+                 if (times.first < times.last) undistort(front_end);
+                 KeyData data = toKeyData(*scan);
+                 data.frame = frame;
+                 return data;
+               });
 }
 
 void PoseGraphNodelet::frontEndPose(const ros::Time& stamp, const Pose& pose) {
@@ -418,15 +441,14 @@ bool PoseGraphNodelet::tryToMatch(const Waiting& waiting, std::string& why) {
   const auto drift = graph_.drift(std::min(from->node, to->node), std::max(from->node, to->node));
   auto graph = std::make_shared<Graph>(graph_.graph().planar());
   for (const Node& n : graph_.graph().nodes()) graph->addNode(n);
-  const slam::SlamOptions options =
-      parametersOf<slam::SlamParameters>(getNodeHandle(), parameters_.slam).slam;
-  optimiser_->post([this, first, second, drift, graph, options, m, keeper = keeper_,
+  const auto front_end = parametersOf<slam::SlamParameters>(getNodeHandle(), parameters_.slam);
+  optimiser_->post([this, first, second, drift, graph, front_end, m, keeper = keeper_,
                     generation = generation_]() -> Worker::Work {
     ScanMatch match;
     try {
       keeper->writer().flush();
-      match = matchScans(Session(keeper->path()), *graph, first.id, second.id, drift, options,
-                         parameters_.appearance);
+      match = matchScans(Session(keeper->path()), *graph, first.id, second.id, drift, front_end.slam,
+                         front_end.loop, parameters_.appearance);
     } catch (const std::exception& e) {
       match.why = e.what();
     }
