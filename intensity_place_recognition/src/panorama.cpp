@@ -83,7 +83,7 @@ void PanoramaBuilder::add(const pcl::PointXYZI* points, std::size_t count) {
   const float farthest = static_cast<float>(options_.max_range * options_.max_range);
   for (const pcl::PointXYZI* p = points; p != points + count; ++p) {
     const float flat = p->x * p->x + p->y * p->y, squared = flat + p->z * p->z;
-    if (!(squared >= nearest && squared <= farthest) || !std::isfinite(p->intensity)) continue;
+    if (!(squared >= nearest && squared <= farthest) || !isMeasured(*p)) continue;
     const float row = (top - std::atan2(p->z, std::sqrt(flat))) * per_row;
     if (!(row >= 0.0f && row < static_cast<float>(options_.height))) continue;
     const int y = static_cast<int>(row);

@@ -16,6 +16,14 @@ namespace {
 const mapping_common::ArchiveFormat kFormat{"PLACEDB1", "a database of places"};
 constexpr std::size_t kLeastPlace = 64;  // bytes of a place in a file, at least
 
+Cloud measuredIn(const Cloud& all) {
+  Cloud measured;
+  measured.reserve(all.size());
+  for (const pcl::PointXYZI& p : all)
+    if (isMeasured(p)) measured.push_back(p);
+  return measured;
+}
+
 }  // namespace
 
 void PlaceRecognizerOptions::describe(mapping_common::OptionList& o) {
@@ -45,8 +53,9 @@ const char* stageName(Stage stage) {
 PlaceRecognizer::PlaceRecognizer(const PlaceRecognizerOptions& options)
     : options_(mapping_common::validate(options)), description_(makeDescription(options.description)) {}
 
-Place PlaceRecognizer::describe(const Cloud& cloud, const std::function<void(Stage)>& done) const {
-  checkScan(cloud, options_.panorama);
+Place PlaceRecognizer::describe(const Cloud& all, const std::function<void(Stage)>& done) const {
+  checkScan(all, options_.panorama);
+  const Cloud cloud = measuredIn(all);
   const Panorama panorama = toPanorama(cloud, options_.panorama, options_.largest_hole);
   done(Stage::kPanorama);
   Place place;

@@ -29,12 +29,12 @@ void checkScan(const Cloud& cloud, const PanoramaOptions& options) {
   if (cloud.empty()) refuse("the cloud is empty");
   const auto nearest = static_cast<float>(options.min_range),
              farthest = static_cast<float>(options.max_range);
-  std::size_t finite = 0, in_reach = 0;
+  std::size_t measured = 0, in_reach = 0;
   float darkest = INFINITY, lightest = -INFINITY, lowest = INFINITY, highest = -INFINITY;
   for (const pcl::PointXYZI& p : cloud) {
+    if (!isMeasured(p)) continue;
+    ++measured;
     const float range = p.getVector3fMap().norm();
-    if (!std::isfinite(range) || !std::isfinite(p.intensity)) continue;
-    ++finite;
     if (range < nearest || range > farthest) continue;
     ++in_reach;
     darkest = std::min(darkest, p.intensity);
@@ -43,7 +43,9 @@ void checkScan(const Cloud& cloud, const PanoramaOptions& options) {
     lowest = std::min(lowest, elevation);
     highest = std::max(highest, elevation);
   }
-  if (finite == 0) refuse("none of the cloud's ", cloud.size(), " points is finite");
+  if (measured == 0)
+    refuse("none of the cloud's ", cloud.size(),
+           " points was measured: they aren't finite, or at the origin");
   if (in_reach < kFewest)
     refuse("only ", in_reach, " of the cloud's ", cloud.size(), " points are ", options.min_range, " to ",
            options.max_range, " m from the sensor, at least ", kFewest, " are needed");
@@ -67,7 +69,7 @@ double transparency(const Cloud& cloud, const PanoramaOptions& options) {
   std::vector<Range> ranges(static_cast<std::size_t>(kColumns) * kRows);
   for (const pcl::PointXYZI& p : cloud) {
     const float range = p.getVector3fMap().norm();
-    if (!(range >= options.min_range && range <= options.max_range)) continue;
+    if (!isMeasured(p) || !(range >= options.min_range && range <= options.max_range)) continue;
     const int x = static_cast<int>((std::atan2(p.y, p.x) / (2.0 * M_PI) + 0.5) * (kColumns - 1));
     const int y = static_cast<int>((std::asin(p.z / range) / M_PI + 0.5) * (kRows - 1));
     Range& r = ranges[static_cast<std::size_t>(y) * kColumns + x];

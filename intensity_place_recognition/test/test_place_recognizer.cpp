@@ -4,6 +4,8 @@
 #include <mapping_common/testing/temp_dir.h>
 
 #include <cmath>
+#include <limits>
+#include <string>
 
 #include "intensity_place_recognition/place_recognizer.h"
 #include "test_street.h"
@@ -92,7 +94,9 @@ TEST(PlaceRecognizer, SaysWhyACloudWontDo) {
   EXPECT_EQ("the cloud is empty", whyRefused({}));
   Cloud bad = good;
   for (auto& p : bad) p.x = NAN;
-  EXPECT_EQ("none of the cloud's " + std::to_string(good.size()) + " points is finite", whyRefused(bad));
+  EXPECT_EQ("none of the cloud's " + std::to_string(good.size()) +
+                " points was measured: they aren't finite, or at the origin",
+            whyRefused(bad));
   bad = good;
   for (auto& p : bad) p.intensity = 0.0f;
   EXPECT_EQ("all intensities are 0: the sensor gives none, or the driver drops them", whyRefused(bad));
@@ -109,6 +113,53 @@ TEST(PlaceRecognizer, SaysWhyACloudWontDo) {
   bad = good;
   for (std::size_t i = 0; i < bad.size(); i += 10) bad[i].x = bad[i].y = bad[i].z = NAN;
   EXPECT_EQ("", whyRefused(bad));
+}
+
+// As drivers write points without a return, and as clouds come that were damaged.
+TEST(PlaceRecognizer, LeavesOutWhatWasNotMeasured) {
+  const Cloud good = Street(1).scan(Street::at(0.0, 0.0, 0.0));
+  constexpr float kLargest = std::numeric_limits<float>::max();
+  Cloud with = good;
+  for (int i = 0; i < 3000; ++i) {
+    pcl::PointXYZI p = good[7 * i];
+    switch (i % 8) {
+      case 0:
+        p.intensity = NAN;
+        break;
+      case 1:
+        p.intensity = i % 16 < 8 ? kLargest : -kLargest;
+        break;
+      case 2:
+        p.intensity = -INFINITY;
+        break;
+      case 3:
+        p.x = p.y = p.z = 0.0f;
+        break;
+      case 4:
+        p.x = p.y = p.z = 1e-30f;
+        break;
+      case 5:
+        p.z = NAN;
+        break;
+      case 6:
+        p.x = kLargest;
+        break;
+      default:
+        p.y = INFINITY;
+    }
+    with.push_back(p);
+  }
+  for (const std::string type : {"polar", "hog", "gist"}) {
+    PlaceRecognizerOptions options;
+    options.description.type = type;
+    options.panorama.min_range = 0.0;
+    const PlaceRecognizer recognizer(options);
+    const Place expected = recognizer.describe(good), place = recognizer.describe(with);
+    EXPECT_TRUE(place.signature.isSound()) << type;
+    EXPECT_TRUE(place.shape.isSound()) << type;
+    EXPECT_EQ(expected.signature.key(), place.signature.key()) << type;
+    EXPECT_EQ(expected.shape.patches().size(), place.shape.patches().size()) << type;
+  }
 }
 
 /// A small motion, translation first.

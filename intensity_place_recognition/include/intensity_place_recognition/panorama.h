@@ -9,11 +9,20 @@
 #include <pcl/point_types.h>
 
 #include <Eigen/Geometry>
+#include <cmath>
 #include <opencv2/core.hpp>
 
 namespace intensity_place_recognition {
 
 using Cloud = pcl::PointCloud<pcl::PointXYZI>;
+
+/// Whether a point was measured: it is finite and isn't the sensor itself, as what is no return is in some
+/// drivers' clouds, and its intensity is one that can be summed up.
+inline bool isMeasured(const pcl::PointXYZI& p) {
+  constexpr float kHighestIntensity = 1e12f;  // above any integer of 32 bits
+  const float squared = p.getVector3fMap().squaredNorm();
+  return squared > 0.0f && std::isfinite(squared) && std::abs(p.intensity) <= kHighestIntensity;
+}
 
 struct PanoramaOptions {
   int width = 720, height = 64;
@@ -51,7 +60,7 @@ struct Panorama {
 class PanoramaBuilder {
  public:
   explicit PanoramaBuilder(const PanoramaOptions& options);
-  /// Non-finite points, and those outside of the ranges and elevations, are left out.
+  /// Points that weren't measured, and those outside of the ranges and elevations, are left out.
   void add(const pcl::PointXYZI* points, std::size_t count);
   void add(const Cloud& cloud) { add(cloud.points.data(), cloud.size()); }
   /// That were not left out.
