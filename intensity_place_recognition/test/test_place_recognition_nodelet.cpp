@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <gtest/gtest.h>
+#include <mapping_common/testing/message_fuzz.h>
 #include <mapping_common/testing/nodelet_test.h>
 #include <mapping_common/testing/temp_dir.h>
 #include <mapping_msgs/EdgeConstraint.h>
@@ -7,6 +8,7 @@
 #include <mapping_msgs/SaveMap.h>
 #include <sensor_msgs/Image.h>
 #include <sensor_msgs/point_cloud2_iterator.h>
+#include <std_srvs/Empty.h>
 
 #include "test_street.h"
 
@@ -26,7 +28,8 @@ class PlaceRecognitionNodeletTest : public mapping_common::NodeletTest {
   void start() {
     ASSERT_TRUE(load());
     ASSERT_TRUE(mapping_common::waitFor([this] { return clouds_.getNumSubscribers() > 0; }));
-    mapping_common::spinFor(0.3);
+    ASSERT_TRUE(places_.waitForLink());
+    ASSERT_TRUE(debug_images_.waitForLink());
   }
   static sensor_msgs::PointCloud2 message(unsigned street, const Eigen::Isometry3d& pose, double stamp) {
     const Cloud points = Street(street).scan(pose);
@@ -108,6 +111,29 @@ TEST_F(PlaceRecognitionNodeletTest, DropsCloudsThatWontDo) {
   clouds_.publish(cloud);
   expectDiagnostic("Input", "Dropped: malformed", "2");
   publish(message(1, Street::at(0.0, 0.0, 0.0), 104.0), "1");
+}
+
+TEST_F(PlaceRecognitionNodeletTest, SurvivesWhateverArrives) {
+  setParam("panorama/min_range", 0.0);
+  start();
+  const sensor_msgs::PointCloud2 good = message(1, Street::at(0.0, 0.0, 0.0), 0.0);
+  double stamp = 100.0;
+  mapping_common::fuzz({"velodyne", "other"}, [&](mapping_common::MessageFuzz& fuzz) {
+    sensor_msgs::PointCloud2 cloud = good;
+    cloud.header.stamp.fromSec(stamp += 2.0);
+    fuzz.spoil(cloud);
+    clouds_.publish(cloud);
+  });
+  expectDiagnostic("Input", "Clouds (Hz)", "0.0");
+  expectDiagnostic("Nodelet", "Callbacks that failed", "0");
+  std_srvs::Empty reset;
+  ASSERT_TRUE(ros::service::call(name_ + "/reset", reset));
+  // Time jumps back, and all that comes then is new.
+  publish(message(1, Street::at(0.0, 0.0, 0.0), 50.0), "1");
+  publish(message(2, Street::at(0.0, 0.0, 0.0), 55.0), "2");
+  publish(message(1, Street::at(1.0, -0.5, 2.5), 60.0), "3");
+  EXPECT_TRUE(mapping_common::waitFor(
+      [this] { return !places_.messages.empty() && places_.messages.back().to_stamp.toSec() == 60.0; }));
 }
 
 TEST_F(PlaceRecognitionNodeletTest, RefusesWrongParameters) {

@@ -3,9 +3,12 @@
 // For tests of nodelets: messages whose fields are extreme, in random combinations that a seed gives again.
 #pragma once
 
+#include <geometry_msgs/PoseStamped.h>
 #include <geometry_msgs/PoseWithCovarianceStamped.h>
 #include <gtest/gtest.h>
 #include <mapping_common/testing/nodelet_test.h>
+#include <mapping_msgs/CorrectedMap.h>
+#include <mapping_msgs/EdgeConstraint.h>
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/CompressedImage.h>
 #include <sensor_msgs/Image.h>
@@ -177,12 +180,38 @@ class MessageFuzz {
       for (double* value : {&t.x, &t.y, &t.z, &r.x, &r.y, &r.z, &r.w}) spoilNumber(*value);
     }
   }
+  void spoil(geometry_msgs::Pose& pose) {
+    auto& p = pose.position;
+    auto& q = pose.orientation;
+    for (double* value : {&p.x, &p.y, &p.z, &q.x, &q.y, &q.z, &q.w}) spoilNumber(*value);
+  }
+  void spoil(geometry_msgs::PoseStamped& message) {
+    spoil(message.header);
+    spoil(message.pose);
+  }
   void spoil(geometry_msgs::PoseWithCovarianceStamped& message) {
     spoil(message.header);
-    auto& p = message.pose.pose.position;
-    auto& q = message.pose.pose.orientation;
-    for (double* value : {&p.x, &p.y, &p.z, &q.x, &q.y, &q.z, &q.w}) spoilNumber(*value);
+    spoil(message.pose.pose);
     for (double& value : message.pose.covariance) spoilNumber(value);
+  }
+  void spoil(mapping_msgs::EdgeConstraint& edge) {
+    spoil(edge.header);
+    spoilStamp(edge.from_stamp);
+    spoilStamp(edge.to_stamp);
+    spoilSize(edge.from_id);
+    spoilSize(edge.to_id);
+    spoilFrame(edge.frame_id);
+    if (hit()) edge.type = pick<std::uint8_t>({0, 1, 2, 3, 255});
+    if (hit()) edge.has_transform = pick<std::uint8_t>({0, 1});
+    spoil(edge.transform);
+    for (double& value : edge.information) spoilNumber(value);
+    spoilNumber(edge.similarity);
+  }
+  void spoil(mapping_msgs::CorrectedMap& map) {
+    spoil(map.header);
+    spoil(map.correction);
+    spoilStamp(map.corrected_from);
+    spoilBytes(map.data);
   }
   void spoil(std_msgs::String& message) {
     if (hit()) message.data = pick<std::string>({"", "reset", std::string(100000, 'r')});

@@ -9,11 +9,19 @@
 #include <mapping_common/testing/slowness.h>
 #include <nodelet/NodeletLoad.h>
 #include <nodelet/NodeletUnload.h>
+#include <ros/master.h>
+#include <ros/network.h>
 #include <ros/ros.h>
+#include <ros/xmlrpc_manager.h>
 #include <rosgraph_msgs/Log.h>
+#include <xmlrpcpp/XmlRpc.h>
 
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <string>
+#include <type_traits>
 #include <vector>
 
 namespace mapping_common {
@@ -35,6 +43,40 @@ inline void spinFor(double seconds) {
   waitFor([] { return false; }, seconds / kSlowness);
 }
 
+/// Which side of a topic the manager is.
+enum class Link { kPublishes, kSubscribes };
+
+/// Whether the manager is linked with this process by a topic, as it sees it itself: it learns of a
+/// subscriber or of a publisher later than that learns of it.
+inline bool isLinked(const std::string& topic, Link link) {
+  XmlRpc::XmlRpcValue request, response, uri, name, reply;
+  request[0] = name[0] = ros::this_node::getName();
+  request[1] = "/manager";
+  std::string host;
+  std::uint32_t port = 0;
+  if (!ros::master::execute("lookupNode", request, response, uri, false) ||
+      !ros::network::splitURI(uri, host, port))
+    return false;
+  XmlRpc::XmlRpcClient manager(host.c_str(), static_cast<int>(port));
+  if (!manager.execute("getBusInfo", name, reply) || reply.size() < 3) return false;
+  XmlRpc::XmlRpcValue& links = reply[2];
+  for (int i = 0; i < links.size(); ++i) {
+    const bool publishes = static_cast<std::string&>(links[i][2]) == "o";
+    if (publishes != (link == Link::kPublishes) || static_cast<std::string&>(links[i][4]) != topic) continue;
+    const std::string& other = links[i][1];
+    if (other == (publishes ? ros::this_node::getName() : ros::XMLRPCManager::instance()->getServerURI()))
+      return true;
+  }
+  return false;
+}
+/// Waits for that.
+template <class PublisherOrSubscriber>
+bool waitForLink(const PublisherOrSubscriber& of) {
+  constexpr Link kLink =
+      std::is_same_v<PublisherOrSubscriber, ros::Publisher> ? Link::kSubscribes : Link::kPublishes;
+  return waitFor([&] { return isLinked(of.getTopic(), kLink); });
+}
+
 /// All messages of a topic.
 template <class Message>
 class Recorder {
@@ -43,6 +85,8 @@ class Recorder {
       : subscriber_(node.subscribe<Message>(
             topic, 1000,
             [this](const boost::shared_ptr<const Message>& message) { messages.push_back(*message); })) {}
+  /// Until the manager publishes to it.
+  bool waitForLink() const { return mapping_common::waitForLink(subscriber_); }
   bool waitForOne(double seconds = 60.0) {
     const std::size_t before = messages.size();
     return waitFor([&] { return messages.size() > before; }, seconds);
@@ -51,6 +95,22 @@ class Recorder {
 
  private:
   ros::Subscriber subscriber_;
+};
+
+/// What the manager and other nodes say.
+class LogRecorder : public Recorder<rosgraph_msgs::Log> {
+ public:
+  explicit LogRecorder(ros::NodeHandle& node) : Recorder(node, "/rosout") {}
+  /// How often something with these words was said.
+  std::size_t count(const std::string& words) const {
+    return static_cast<std::size_t>(
+        std::count_if(messages.begin(), messages.end(), [&words](const rosgraph_msgs::Log& message) {
+          return message.msg.find(words) != std::string::npos;
+        }));
+  }
+  bool waitFor(const std::string& words) const {
+    return mapping_common::waitFor([&] { return count(words) > 0; });
+  }
 };
 
 /// Its nodelet is /<name of the test>/<nodelet_name>; topics are in /<name of the test>.
@@ -88,8 +148,9 @@ class NodeletTest : public ::testing::Test {
 
   /// Loads the nodelet, which has to fail. @return what the manager's last fatal message said
   std::string whyNotLoaded() {
-    Recorder<rosgraph_msgs::Log> log(node_, "/rosout");
-    spinFor(0.5);  // to be connected, and past what was said before
+    LogRecorder log(node_);
+    EXPECT_TRUE(log.waitForLink());
+    spinFor(0.5);  // past what was said before
     log.messages.clear();
     EXPECT_FALSE(load());
     std::string text;
