@@ -4,6 +4,8 @@
 // as possible and without a line of the library.
 #pragma once
 
+#include <gtest/gtest.h>
+
 #include <cmath>
 #include <cstdlib>
 #include <map>
@@ -155,6 +157,20 @@ inline std::map<Voxel, float> voxelsOf(const OccupancyMap& map, bool* disjoint) 
     return true;
   });
   return voxels;
+}
+/// The same of a map whose cells have to be disjoint.
+inline std::map<Voxel, float> known(const OccupancyMap& map) {
+  bool disjoint = false;
+  const auto voxels = voxelsOf(map, &disjoint);
+  EXPECT_TRUE(disjoint);
+  return voxels;
+}
+
+inline Cell cellOf(const VoxelBox& box, float log_odds) {
+  Cell cell;
+  cell.box = box;
+  cell.log_odds = log_odds;
+  return cell;
 }
 
 }  // namespace rtree_occupancy_map

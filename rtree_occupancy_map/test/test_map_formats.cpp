@@ -1,11 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <gtest/gtest.h>
 #include <mapping_common/files.h>
-#include <mapping_common/testing/temp_dir.h>
+#include <mapping_common/testing/tool_test.h>
 #include <rtree_occupancy_map/ros/map_formats.h>
-#include <sys/wait.h>
 
-#include <cstdlib>
 #include <filesystem>
 #include <set>
 #include <string>
@@ -19,11 +17,6 @@ using mapping_common::errorOf;
 using mapping_common::mentions;
 using mapping_common::readFile;
 using mapping_common::TempDir;
-
-std::map<Voxel, float> known(const OccupancyMap& map) {
-  bool disjoint = false;
-  return voxelsOf(map, &disjoint);
-}
 
 OccupancyMap smallMap() {
   Options options;
@@ -110,54 +103,45 @@ TEST(MapFormats, SeenFromAbove) {
   EXPECT_EQ(std::string::npos, readFile(dir.path("b.pgm")).find('\0'));
 }
 
-class Tool : public testing::Test {
+class Tool : public mapping_common::ToolTest {
  protected:
-  int run(const std::string& arguments) {
-    const std::string command =
-        std::string(RTREE_MAP) + ' ' + arguments + " > " + dir_.path("out") + " 2> " + dir_.path("err");
-    const int status = std::system(command.c_str());
-    out_ = readFile(dir_.path("out"));
-    err_ = readFile(dir_.path("err"));
-    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-  }
-  TempDir dir_;
-  std::string out_, err_;
+  Tool() : ToolTest(RTREE_MAP) {}
 };
 
 TEST_F(Tool, Converts) {
   const OccupancyMap map = smallMap();
   map.save(dir_.path("a.map"));
-  ASSERT_EQ(0, run("convert " + dir_.path("a.map") + ' ' + dir_.path("a.ot"))) << err_;
-  EXPECT_TRUE(mentions(out_, {"Wrote ", "a.ot"}));
-  ASSERT_EQ(0, run("convert " + dir_.path("a.ot") + ' ' + dir_.path("b.map"))) << err_;
+  ASSERT_EQ(0, run("convert " + dir_.path("a.map") + ' ' + dir_.path("a.ot"))) << ran_.err;
+  EXPECT_TRUE(mentions(ran_.out, {"Wrote ", "a.ot"}));
+  ASSERT_EQ(0, run("convert " + dir_.path("a.ot") + ' ' + dir_.path("b.map"))) << ran_.err;
   EXPECT_EQ(known(map), known(OccupancyMap::load(dir_.path("b.map"))));
   ASSERT_EQ(0, run("convert " + dir_.path("a.ot") + ' ' + dir_.path("b.pgm --min-z 1.0 --max-size 32")))
-      << err_;
+      << ran_.err;
   EXPECT_TRUE(std::filesystem::exists(dir_.path("b.yaml")));
-  EXPECT_TRUE(mentions(out_, {"32 x 32 pixels", " m of "}));
+  EXPECT_TRUE(mentions(ran_.out, {"32 x 32 pixels", " m of "}));
 }
 
 TEST_F(Tool, ReadsAndWritesStores) {
   const OccupancyMap map = smallMap();
   map.save(dir_.path("a.map"));
-  ASSERT_EQ(0, run("convert " + dir_.path("a.map") + ' ' + dir_.path("a.db"))) << err_;
-  ASSERT_EQ(0, run("convert " + dir_.path("a.db") + ' ' + dir_.path("b.ot"))) << err_;
-  ASSERT_EQ(0, run("convert " + dir_.path("a.map") + ' ' + dir_.path("a.ot"))) << err_;
+  ASSERT_EQ(0, run("convert " + dir_.path("a.map") + ' ' + dir_.path("a.db"))) << ran_.err;
+  ASSERT_EQ(0, run("convert " + dir_.path("a.db") + ' ' + dir_.path("b.ot"))) << ran_.err;
+  ASSERT_EQ(0, run("convert " + dir_.path("a.map") + ' ' + dir_.path("a.ot"))) << ran_.err;
   EXPECT_EQ(readFile(dir_.path("a.ot")), readFile(dir_.path("b.ot")));
   for (const char* file : {"a.map", "a.db"}) {
-    ASSERT_EQ(0, run("info " + dir_.path(file))) << err_;
-    EXPECT_TRUE(mentions(out_, {"cells: ", "from: ", "resolution: ", "dynamic: true"}));
-    EXPECT_NE(std::string::npos, out_.find("cells: " + std::to_string(map.size()) + ",")) << out_;
+    ASSERT_EQ(0, run("info " + dir_.path(file))) << ran_.err;
+    EXPECT_TRUE(mentions(ran_.out, {"cells: ", "from: ", "resolution: ", "dynamic: true"}));
+    EXPECT_NE(std::string::npos, ran_.out.find("cells: " + std::to_string(map.size()) + ",")) << ran_.out;
   }
   EXPECT_EQ(2, run("info"));
   EXPECT_EQ(2, run("info --transform 0 0 0 0 0 0 " + dir_.path("a.map")));
   EXPECT_EQ(1, run("info /nowhere/a.db"));
-  EXPECT_TRUE(mentions(err_, {"/nowhere/a.db"}));
+  EXPECT_TRUE(mentions(ran_.err, {"/nowhere/a.db"}));
 }
 
 TEST_F(Tool, ChangesTheResolution) {
   smallMap().save(dir_.path("a.map"));
-  ASSERT_EQ(0, run("convert --resolution 0.5 " + dir_.path("a.map") + ' ' + dir_.path("b.map"))) << err_;
+  ASSERT_EQ(0, run("convert --resolution 0.5 " + dir_.path("a.map") + ' ' + dir_.path("b.map"))) << ran_.err;
   const OccupancyMap coarse = OccupancyMap::load(dir_.path("b.map"));
   EXPECT_EQ(0.5, coarse.options().resolution);
   const OccupancyMap fine = smallMap();
@@ -179,15 +163,15 @@ TEST_F(Tool, MergesTwoMaps) {
   // B's frame is at (0, 0.5, -0.25), turned a quarter to the right: its (0, 8, 0) is at (8, 1, -1).
   ASSERT_EQ(0, run("merge " + dir_.path("a.map") + ' ' + dir_.path("b.map") +
                    " --transform 0 0.5 -0.25 0 0 -1.5707963267948966 " + dir_.path("c.ot")))
-      << err_;
+      << ran_.err;
   const auto merged = known(readMap(dir_.path("c.ot")));
   EXPECT_EQ((std::map<Voxel, float>{{{4, 0, 0}, 1.0F}, {{8, 1, -1}, 1.0F}}), merged);
   const std::string maps = "merge " + dir_.path("a.map") + ' ' + dir_.path("b.map") + ' ';
-  EXPECT_EQ(0, run(maps + dir_.path("c") + " --resolution 1.0")) << err_;
+  EXPECT_EQ(0, run(maps + dir_.path("c") + " --resolution 1.0")) << ran_.err;
   EXPECT_EQ(2u, known(readMap(dir_.path("c"))).size());
   for (const char* wrong : {"--transform 1 2 3", "c --transform 1 2 3 4 5", "c --transform 1 2 3 4 5 six"}) {
     EXPECT_EQ(2, run(maps + wrong)) << wrong;
-    EXPECT_TRUE(mentions(err_, {"--transform has"}));
+    EXPECT_TRUE(mentions(ran_.err, {"--transform has"}));
   }
 }
 
@@ -195,8 +179,8 @@ TEST_F(Tool, SaysWhatIsWrong) {
   const auto expect = [this](int code, const std::string& arguments,
                              std::initializer_list<const char*> parts) {
     EXPECT_EQ(code, run(arguments)) << arguments;
-    EXPECT_TRUE(mentions(err_, parts));
-    EXPECT_EQ("", out_);
+    EXPECT_TRUE(mentions(ran_.err, parts));
+    EXPECT_EQ("", ran_.out);
   };
   smallMap().save(dir_.path("a.map"));
   const std::string in = "convert " + dir_.path("a.map") + ' ';

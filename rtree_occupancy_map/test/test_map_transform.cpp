@@ -17,24 +17,10 @@ OccupancyMap mapOf(unsigned seed, int scans, const Options& options = {}) {
   return map;
 }
 
-std::map<Voxel, float> known(const OccupancyMap& map) {
-  bool disjoint = false;
-  const auto voxels = voxelsOf(map, &disjoint);
-  EXPECT_TRUE(disjoint);
-  return voxels;
-}
-
 Options withResolution(double resolution) {
   Options options;
   options.resolution = resolution;
   return options;
-}
-
-Cell cellOf(const VoxelBox& box, float log_odds) {
-  Cell cell;
-  cell.box = box;
-  cell.log_odds = log_odds;
-  return cell;
 }
 
 Eigen::Isometry3d moved(double x, double y, double z, double yaw) {

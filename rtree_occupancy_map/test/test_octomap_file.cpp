@@ -27,20 +27,6 @@ OccupancyMap mapOf(int scans, const Options& options = {}) {
   return map;
 }
 
-std::map<Voxel, float> known(const OccupancyMap& map) {
-  bool disjoint = false;
-  const auto voxels = voxelsOf(map, &disjoint);
-  EXPECT_TRUE(disjoint);
-  return voxels;
-}
-
-Cell cellOf(const VoxelBox& box, float log_odds) {
-  Cell cell;
-  cell.box = box;
-  cell.log_odds = log_odds;
-  return cell;
-}
-
 /// A file of one path from the root to the octant of -16384 to -1 along each axis, cut where `level` is
 /// reached.
 std::string withHeader(const std::string& first_line, const std::string& id, std::size_t nodes,
