@@ -121,6 +121,7 @@ void BlockGrid::fuseGreedily(Rows& open, const LocalBox& within, Sink&& sink, Si
     return (open[row] & mask) == mask && (!kLinked || (linked_[axis][before] & mask) == mask);
   };
   for (int y = within.min[1]; y < within.max[1]; ++y) {
+    if (!anyInLayer(open, y)) continue;
     for (int x = within.min[0]; x < within.max[0]; ++x) {
       const int first = y * kSize + x;
       const std::uint32_t here = open[first] & column;

@@ -16,8 +16,16 @@ using BlockRows = std::array<std::uint32_t, kBlockRows>;
 
 /// What a scan does to the voxels of a block: ends in them, or only crosses them. No voxel is in both.
 struct ScanMask {
+  std::uint32_t layers = 0;  // bit y: of which rows y * kBlockSize + x are set below; the others aren't
   BlockRows hit, crossed;
 };
+
+/// Whether there is any voxel in the rows y * kBlockSize + x.
+inline bool anyInLayer(const BlockRows& rows, int y) {
+  std::uint32_t any = 0;
+  for (int x = 0; x < kBlockSize; ++x) any |= rows[y * kBlockSize + x];
+  return any != 0;
+}
 
 /// Bits z0 to z1 - 1.
 inline std::uint32_t bits(int z0, int z1) {

@@ -80,7 +80,17 @@ bool BlockVoxels::update(const ScanMask& mask, const LogOddsModel& model, bool s
   const RowKernels& kernels = rowKernels();
   int moved = 0;  // values that have been written, of those in log_odds_
   bool changed = false;
+  const auto moveOn = [&](int first) {
+    const auto shift = static_cast<std::uint16_t>(out - begin - moved);
+    if (shift == 0) return;
+    for (int x = 0; x < kBlockSize; ++x)
+      begin_[first + x] = static_cast<std::uint16_t>(begin_[first + x] + shift);
+  };
   for (int first = 0; first < kBlockRows; first += kBlockSize) {
+    if ((mask.layers >> first / kBlockSize & 1) == 0) {
+      moveOn(first);
+      continue;
+    }
     // At a threshold an update changes nothing or, in a static map, isn't made.
     const std::uint32_t settled = settle ? ~0u : 0;
     std::uint32_t hits[kBlockSize], misses[kBlockSize], any = 0;
@@ -91,9 +101,7 @@ bool BlockVoxels::update(const ScanMask& mask, const LogOddsModel& model, bool s
       any |= hits[x] | misses[x];
     }
     if (any == 0) {
-      const auto shift = static_cast<std::uint16_t>(out - begin - moved);
-      for (int x = 0; x < kBlockSize; ++x)
-        begin_[first + x] = static_cast<std::uint16_t>(begin_[first + x] + shift);
+      moveOn(first);
       continue;
     }
     changed = true;

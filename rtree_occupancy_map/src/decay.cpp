@@ -47,7 +47,10 @@ void Decay::see(const Block& block, const ScanMask& mask) const {
   if (found == blocks_.end()) return;
   std::unique_ptr<BlockRows>& seen = found->second;
   if (!seen) seen = std::make_unique<BlockRows>(BlockRows{});
-  for (int row = 0; row < kBlockRows; ++row) (*seen)[row] |= mask.hit[row] | mask.crossed[row];
+  forEachBit(mask.layers, [&](int y) {
+    for (int row = y * kBlockSize; row < (y + 1) * kBlockSize; ++row)
+      (*seen)[row] |= mask.hit[row] | mask.crossed[row];
+  });
 }
 
 void Decay::clear() {

@@ -12,6 +12,7 @@
 #include "log_odds.h"
 #include "machine_options.h"
 #include "rolling_window.h"
+#include "row_kernels.h"
 #include "scan_raster.h"
 
 namespace rtree_occupancy_map {
@@ -21,14 +22,6 @@ namespace {
 constexpr double kRounding = 1e-6;
 
 using VoxelBatch = std::array<Voxel, 256>;
-
-// toVoxel for many points.
-void toVoxels(const Eigen::Vector3f* points, std::size_t count, double inverse_resolution,
-              VoxelBatch& voxels) {
-  const float* in = points->data();
-  int* out = voxels[0].data();
-  for (std::size_t i = 0; i < 3 * count; ++i) out[i] = toVoxelCoordinate(in[i], inverse_resolution);
-}
 
 bool isInside(const Voxel& v) {
   return v[0] != kMaxVoxel && v[1] != kMaxVoxel && v[2] != kMaxVoxel;
@@ -130,10 +123,14 @@ void OccupancyMap::rasterize(const Scan& scan, InsertReport& report) {
   const bool limited = std::isfinite(options_.max_range);
   Voxel last_voxel{kMaxVoxel, 0, 0};
   VoxelBatch batch;
+  const RowKernels& kernels = rowKernels();
   for (std::size_t i = 0; i < scan.hits.size(); ++i) {
     const Eigen::Vector3f& point = scan.hits[i];
     if (!scan.hit_origins.empty()) startAt(scan.hit_origins[i]);
-    if (i % batch.size() == 0) toVoxels(&point, std::min(batch.size(), scan.hits.size() - i), inverse, batch);
+    if (i % batch.size() == 0) {
+      const std::size_t count = std::min(batch.size(), scan.hits.size() - i);
+      kernels.to_voxels(point.data(), 3 * count, inverse, batch[0].data());
+    }
     const Voxel& voxel = batch[i % batch.size()];
     if (!isInside(voxel)) {
       if (!point.allFinite()) {

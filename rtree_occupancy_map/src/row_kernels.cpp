@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "row_kernels.h"
 
+#include "beam_tracer.h"
+
 #if defined(__x86_64__) && defined(__GNUC__)
 #define HAS_AVX512_KERNELS
 #define AVX512 __attribute__((target("avx512f,popcnt")))
@@ -52,6 +54,7 @@ inline std::array<std::uint32_t, 3> pairsIn(const BlockRows& rows, int row) {
 
 void linkPortably(const BlockRows& rows, const float* log_odds, std::array<BlockRows, 3>& linked) {
   for (int row = 0; row < kBlockRows; ++row) {
+    if (rows[row] == 0) continue;
     const float* here = log_odds + row * kBlockSize;
     const auto [x, y, z] = pairsIn(rows, row);
     linked[0][row] = equalPortably(x, here, here + kBlockSize);
@@ -60,7 +63,11 @@ void linkPortably(const BlockRows& rows, const float* log_odds, std::array<Block
   }
 }
 
-constexpr RowKernels kPortable = {updatePortably, unpackPortably, linkPortably};
+void toVoxelsPortably(const float* coordinates, std::size_t count, double inverse_resolution, int* voxels) {
+  for (std::size_t i = 0; i < count; ++i) voxels[i] = toVoxelCoordinate(coordinates[i], inverse_resolution);
+}
+
+constexpr RowKernels kPortable = {updatePortably, unpackPortably, linkPortably, toVoxelsPortably};
 
 #ifdef HAS_AVX512_KERNELS
 
@@ -116,6 +123,7 @@ AVX512 inline std::uint32_t equalAvx512(std::uint32_t mask, const float* a, cons
 
 AVX512 void linkAvx512(const BlockRows& rows, const float* log_odds, std::array<BlockRows, 3>& linked) {
   for (int row = 0; row < kBlockRows; ++row) {
+    if (rows[row] == 0) continue;
     const float* here = log_odds + row * kBlockSize;
     const auto [x, y, z] = pairsIn(rows, row);
     linked[0][row] = equalAvx512(x, here, here + kBlockSize);
@@ -124,7 +132,27 @@ AVX512 void linkAvx512(const BlockRows& rows, const float* log_odds, std::array<
   }
 }
 
-constexpr RowKernels kAvx512 = {updateAvx512, unpackAvx512, linkAvx512};
+AVX512 void toVoxelsAvx512(const float* coordinates, std::size_t count, double inverse_resolution,
+                           int* voxels) {
+  constexpr std::size_t kDoubles = 8;
+  const __m512d inverse = _mm512_set1_pd(inverse_resolution), least = _mm512_set1_pd(kMinVoxel),
+                most = _mm512_set1_pd(kMaxVoxel);
+  std::size_t i = 0;
+  for (; i + kDoubles <= count; i += kDoubles) {
+    // The masked forms, as gcc warns of the undefined values in the others.
+    const __m512d coordinate = _mm512_maskz_cvtps_pd(0xff, _mm256_loadu_ps(coordinates + i));
+    const __m512d c = _mm512_mul_pd(coordinate, inverse);
+    const __mmask8 from_least = _mm512_cmp_pd_mask(c, least, _CMP_GE_OQ);
+    const __mmask8 inside = _mm512_mask_cmp_pd_mask(from_least, c, most, _CMP_LT_OQ);
+    const __m512d down =
+        _mm512_mask_roundscale_pd(most, inside, c, _MM_FROUND_TO_NEG_INF | _MM_FROUND_NO_EXC);
+    const __m256i v = _mm512_maskz_cvttpd_epi32(0xff, down);
+    _mm256_storeu_si256(reinterpret_cast<__m256i*>(voxels + i), v);
+  }
+  toVoxelsPortably(coordinates + i, count - i, inverse_resolution, voxels + i);
+}
+
+constexpr RowKernels kAvx512 = {updateAvx512, unpackAvx512, linkAvx512, toVoxelsAvx512};
 
 #endif
 

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 
 #include "block_rows.h"
@@ -28,8 +29,11 @@ struct RowKernels {
   /// rows may be overwritten.
   void (*unpack)(const BlockRows& rows, const float* in, float* out);
   /// Of the voxels in `rows`, those of equal log odds as the next one along x, y and z, if that is in `rows`.
+  /// Rows without voxels stay as they are.
   /// @param log_odds by indexInBlock; one more than there are voxels can be read
   void (*link)(const BlockRows& rows, const float* log_odds, std::array<BlockRows, 3>& linked);
+  /// Of so many coordinates (m) those in voxels, as toVoxelCoordinate has them.
+  void (*to_voxels)(const float* coordinates, std::size_t count, double inverse_resolution, int* voxels);
 };
 
 /// For any processor.

@@ -17,8 +17,8 @@ void ScanRaster::start() {
   slots_.clear();
   beams_.clear();
   traced_.clear();
-  used_hit_rows_ = 0;
-  last_hit_rows_ = nullptr;
+  used_hits_ = 0;
+  last_hits_ = nullptr;
 }
 
 std::uint32_t ScanRaster::slotOf(const Block& block) {
@@ -29,18 +29,23 @@ std::uint32_t ScanRaster::slotOf(const Block& block) {
 
 bool ScanRaster::markHit(const Voxel& v) {
   const Block block = OccupancyMap::blockOf(v);
-  if (last_hit_rows_ == nullptr || !isSame(block, last_hit_block_)) {
+  if (last_hits_ == nullptr || !isSame(block, last_hit_block_)) {
     Slot& slot = slots_[slotOf(block)];
     if (slot.hit == nullptr) {
-      if (used_hit_rows_ == hit_rows_.size()) hit_rows_.emplace_back(new BlockRows);
-      slot.hit = hit_rows_[used_hit_rows_++].get();
-      slot.hit->fill(0);
+      if (used_hits_ == hits_.size()) hits_.emplace_back(new Hits);
+      slot.hit = hits_[used_hits_++].get();
+      slot.hit->layers = 0;
     }
-    last_hit_rows_ = slot.hit;
+    last_hits_ = slot.hit;
     last_hit_block_ = block;
   }
   const int index = indexInBlock(v);
-  std::uint32_t& row = (*last_hit_rows_)[index / kBlockSize];
+  const int y = index / kBlockRows;
+  if ((last_hits_->layers >> y & 1) == 0) {
+    last_hits_->layers |= 1u << y;
+    std::fill_n(&last_hits_->rows[y * kBlockSize], kBlockSize, 0u);
+  }
+  std::uint32_t& row = last_hits_->rows[index / kBlockSize];
   const std::uint32_t bit = 1u << index % kBlockSize;
   const bool first = (row & bit) == 0;
   row |= bit;
@@ -97,15 +102,26 @@ void ScanRaster::finish() {
 
 void ScanRaster::gather(std::size_t number, ScanMask& mask) const {
   const Slot& slot = slots_[number];
-  mask.crossed.fill(0);
-  for (std::uint32_t k = slot.traced; k != kNone; k = traced_[k].next)
-    tracers_[traced_[k].tracer]->addTo(traced_[k].number, mask.crossed);
-  if (slot.hit == nullptr) {
-    mask.hit.fill(0);
-    return;
+  const std::uint32_t hit_layers = slot.hit != nullptr ? slot.hit->layers : 0;
+  mask.layers = slot.traced == kNone ? hit_layers : ~0u;
+  if (slot.traced != kNone) {
+    mask.crossed.fill(0);
+    for (std::uint32_t k = slot.traced; k != kNone; k = traced_[k].next)
+      tracers_[traced_[k].tracer]->addTo(traced_[k].number, mask.crossed);
   }
-  mask.hit = *slot.hit;
-  for (int row = 0; row < kBlockRows; ++row) mask.crossed[row] &= ~mask.hit[row];
+  forEachBit(mask.layers, [&](int y) {
+    const int first = y * kBlockSize;
+    if ((hit_layers >> y & 1) == 0) {
+      std::fill_n(&mask.hit[first], kBlockSize, 0u);
+      return;
+    }
+    std::copy_n(&slot.hit->rows[first], kBlockSize, &mask.hit[first]);
+    if (slot.traced == kNone) {
+      std::fill_n(&mask.crossed[first], kBlockSize, 0u);
+    } else {
+      for (int row = first; row < first + kBlockSize; ++row) mask.crossed[row] &= ~mask.hit[row];
+    }
+  });
 }
 
 }  // namespace rtree_occupancy_map

@@ -41,8 +41,13 @@ class ScanRaster {
   void gather(std::size_t slot, ScanMask& mask) const;
 
  private:
+  // Voxels that beams end in. Layers, see ScanMask, are cleared when they are first used.
+  struct Hits {
+    std::uint32_t layers = 0;
+    BlockRows rows;
+  };
   struct Slot {
-    BlockRows* hit = nullptr;
+    Hits* hit = nullptr;
     std::uint32_t traced = kNone;  // where traced_ has its first part
   };
   // What one of the tracers has of a block.
@@ -63,14 +68,14 @@ class ScanRaster {
   std::vector<Origin> origins_;
   BlockIndex index_;
   std::vector<Slot> slots_;
-  std::vector<std::unique_ptr<BlockRows>> hit_rows_;  // the first used_hit_rows_ are in use by this scan
-  std::size_t used_hit_rows_ = 0;
+  std::vector<std::unique_ptr<Hits>> hits_;  // the first used_hits_ are in use by this scan
+  std::size_t used_hits_ = 0;
   std::vector<BeamTracer::Beam> beams_, sorted_beams_;
   WorkerPool& pool_;
   std::vector<std::unique_ptr<BeamTracer>> tracers_;  // each has a share of the beams
   std::vector<Traced> traced_;
   Block last_hit_block_{};
-  BlockRows* last_hit_rows_ = nullptr;
+  Hits* last_hits_ = nullptr;
 };
 
 }  // namespace rtree_occupancy_map

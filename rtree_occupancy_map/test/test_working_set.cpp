@@ -158,7 +158,7 @@ TEST(RowKernels, SayTheSameWithVectorInstructions) {
   const auto number = [&] { return model.min + 0.25F * static_cast<float>(1 + random() % 16); };
   for (int round = 0; round < 20; ++round) {
     BlockRows rows;
-    for (std::uint32_t& row : rows) row = round % 4 == 0 ? ~0u : random() & random();
+    for (std::uint32_t& row : rows) row = round % 4 == 0 ? ~0u : random() % 4 == 0 ? 0 : random() & random();
     std::vector<float> packed(kVoxels + 1);
     std::generate(packed.begin(), packed.end(), number);
     std::vector<float> dense(kVoxels + kRowOverhang, -1.0F), expected(dense);
@@ -169,7 +169,7 @@ TEST(RowKernels, SayTheSameWithVectorInstructions) {
         ASSERT_EQ(dense[i], expected[i]);
       }
     }
-    std::array<BlockRows, 3> linked, expected_linked;
+    std::array<BlockRows, 3> linked{}, expected_linked{};
     portable.link(rows, expected.data(), expected_linked);
     chosen.link(rows, dense.data(), linked);
     EXPECT_EQ(linked, expected_linked);
@@ -185,6 +185,35 @@ TEST(RowKernels, SayTheSameWithVectorInstructions) {
       ASSERT_EQ(std::make_tuple(r.low, r.high, r.between, r.in - packed.data()),
                 std::make_tuple(e.low, e.high, e.between, e.in - packed.data()));
       ASSERT_EQ(std::vector<float>(out, r.out), std::vector<float>(expected_out, e.out));
+    }
+  }
+}
+
+TEST(RowKernels, FindTheSameVoxels) {
+  std::mt19937 random(7 + testSeed());
+  std::vector<float> coordinates = {0.0F,   -0.0F,         1e-45F,    -1e-45F,   1e38F,
+                                    -1e38F, std::nanf(""), HUGE_VALF, -HUGE_VALF};
+  std::uniform_real_distribution<float> near(-10.0F, 10.0F), far(-20000.0F, 20000.0F);
+  for (const double resolution : {0.05, 0.2, 1.0 / 3.0, 0.25}) {
+    for (const int limit : {kMinVoxel, kMaxVoxel, -1, 0, 1}) {  // borders of voxels, and their neighbours
+      const auto border = static_cast<float>(limit * resolution);
+      coordinates.insert(coordinates.end(),
+                         {border, std::nextafter(border, HUGE_VALF), std::nextafter(border, -HUGE_VALF)});
+    }
+    for (int i = 0; i < 1000; ++i) coordinates.push_back(i % 2 == 0 ? near(random) : far(random));
+    for (int i = 0; i < 200; ++i)
+      coordinates.push_back(static_cast<float>((static_cast<int>(random() % 2000) - 1000) * resolution));
+    for (const std::size_t count : {coordinates.size(), std::size_t{5}, std::size_t{8}}) {
+      std::vector<int> expected(count + 1, 77), actual(count + 1, 77);
+      portableRowKernels().to_voxels(coordinates.data(), count, 1.0 / resolution, expected.data());
+      rowKernels().to_voxels(coordinates.data(), count, 1.0 / resolution, actual.data());
+      EXPECT_EQ(expected, actual);
+      EXPECT_EQ(77, actual.back());
+      for (std::size_t i = 0; i < count; ++i) {
+        const double c = std::floor(static_cast<double>(coordinates[i]) * (1.0 / resolution));
+        ASSERT_EQ(c >= kMinVoxel && c < kMaxVoxel ? static_cast<int>(c) : kMaxVoxel, actual[i])
+            << coordinates[i];
+      }
     }
   }
 }
