@@ -193,16 +193,97 @@ TEST_F(OctomapFiles, TheSameScansGiveTheSameBytes) {
   EXPECT_TRUE(bytes("theirs.bt") == bytes("ours.bt"));
 }
 
-TEST_F(OctomapFiles, ColoursAreLeftOut) {
-  octomap::ColorOcTree tree(0.2);
-  for (int i = 0; i < 50; ++i) {
-    const octomap::point3d p(0.2F * static_cast<float>(i * i % 37), 0.4F * static_cast<float>(i % 5), 0.0F);
-    tree.updateNode(p, i % 3 != 0);
-    tree.setNodeColor(p.x(), p.y(), p.z(), static_cast<std::uint8_t>(i), 7, 200);
+using rtree_occupancy_map::Color;
+
+/// Of occupied leaves that have one.
+std::map<Voxel, Color> colorsOf(const octomap::ColorOcTree& tree) {
+  std::map<Voxel, Color> colors;
+  for (auto leaf = tree.begin_leafs(); leaf != tree.end_leafs(); ++leaf) {
+    const int width = 1 << (tree.getTreeDepth() - leaf.getDepth());
+    const octomap::OcTreeKey key = leaf.getIndexKey();
+    const octomap::ColorOcTreeNode::Color c = leaf->getColor();
+    if (!leaf->isColorSet() || !tree.isNodeOccupied(*leaf)) continue;
+    for (int x = 0; x < width; ++x)
+      for (int y = 0; y < width; ++y)
+        for (int z = 0; z < width; ++z)
+          colors[{key[0] - kOctomapOrigin + x, key[1] - kOctomapOrigin + y, key[2] - kOctomapOrigin + z}] = {
+              c.r, c.g, c.b};
   }
-  tree.updateInnerOccupancy();
-  ASSERT_TRUE(tree.write(path("theirs.ot")));
-  EXPECT_EQ(voxelsOf(tree), voxelsOf(rtree_occupancy_map::readOctomap(path("theirs.ot"))));
+  return colors;
+}
+
+std::map<Voxel, Color> colorsOf(const OccupancyMap& map) {
+  std::map<Voxel, Color> colors;
+  for (const auto& c : map.coloredVoxels()) colors[c.voxel] = c.color.mean();
+  return colors;
+}
+
+TEST_F(OctomapFiles, TheirColoursBecomeOurs) {
+  for (const bool prune : {false, true}) {
+    octomap::ColorOcTree tree(0.2);
+    for (int i = 0; i < 400; ++i) {
+      const octomap::point3d p(0.1F + 0.2F * static_cast<float>(i * i % 37),
+                               0.1F + 0.2F * static_cast<float>(i % 5),
+                               0.1F + 0.2F * static_cast<float>(i % 3));
+      const bool occupied = i % 7 != 0;
+      tree.updateNode(p, occupied);
+      if (i % 4 != 0) tree.setNodeColor(p.x(), p.y(), p.z(), static_cast<std::uint8_t>(i), 7, 200);
+    }
+    for (int i = 0; i < 64; ++i) {  // a cube that is pruned
+      const octomap::point3d p(8.1F + 0.2F * static_cast<float>(i % 4),
+                               0.1F + 0.2F * static_cast<float>(i / 4 % 4),
+                               0.1F + 0.2F * static_cast<float>(i / 16));
+      tree.updateNode(p, true);
+      tree.setNodeColor(p.x(), p.y(), p.z(), static_cast<std::uint8_t>(3 * i), 50, 100);
+    }
+    tree.updateInnerOccupancy();
+    if (prune) tree.prune();
+    ASSERT_TRUE(tree.write(path("theirs.ot")));
+    const OccupancyMap read = rtree_occupancy_map::readOctomap(path("theirs.ot"));
+    EXPECT_EQ(voxelsOf(tree), voxelsOf(read));
+    EXPECT_GT(colorsOf(tree).size(), 150u);
+    EXPECT_EQ(colorsOf(tree), colorsOf(read));
+    const OccupancyMap without = rtree_occupancy_map::readOctomap(path("theirs.ot"), {});
+    EXPECT_EQ(voxelsOf(tree), voxelsOf(without));
+    EXPECT_TRUE(without.coloredVoxels().empty());
+  }
+}
+
+TEST_F(OctomapFiles, OurColoursBecomeTheirs) {
+  Options options;
+  options.color = true;
+  OccupancyMap map(options);
+  std::mt19937 random(3);
+  for (unsigned i = 0; i < 6; ++i) {
+    Scan scan = scanOf(i);
+    for (std::size_t k = 0; k < scan.hits.size(); ++k) {
+      const auto byte = [&random] { return static_cast<std::uint8_t>(random()); };
+      scan.colors.push_back({byte(), byte(), byte()});
+    }
+    map.insertScan(scan);
+  }
+  rtree_occupancy_map::writeOctomap(map, path("ours.ot"), OctomapFormat::kFull);
+  octomap::AbstractOcTree* any = octomap::AbstractOcTree::read(path("ours.ot"));
+  std::unique_ptr<octomap::ColorOcTree> tree(dynamic_cast<octomap::ColorOcTree*>(any));
+  ASSERT_TRUE(tree);
+  EXPECT_EQ(voxelsOf(map), voxelsOf(*tree));
+  const auto ours = colorsOf(map), theirs = colorsOf(*tree);
+  ASSERT_GT(ours.size(), 1000u);
+  ASSERT_EQ(ours.size(), theirs.size());
+  std::size_t pruned = 0;
+  for (const auto& [voxel, color] : ours) pruned += theirs.at(voxel) != color;
+  EXPECT_LT(pruned, ours.size() / 20);
+  // Inner nodes have what OctoMap gives them, and nothing is left for it to prune.
+  const std::size_t nodes = tree->calcNumNodes();
+  tree->prune();
+  EXPECT_EQ(nodes, tree->calcNumNodes());
+  const auto bytes = [this](const std::string& name) {
+    std::ifstream in(path(name), std::ios::binary);
+    return std::string(std::istreambuf_iterator<char>(in), {});
+  };
+  tree->updateInnerOccupancy();
+  ASSERT_TRUE(tree->write(path("again.ot")));
+  EXPECT_TRUE(bytes("ours.ot") == bytes("again.ot"));
 }
 
 TEST_F(OctomapFiles, TheSampleOfOctomap) {
@@ -215,6 +296,22 @@ TEST_F(OctomapFiles, TheSampleOfOctomap) {
   rtree_occupancy_map::writeOctomap(map, path("again.bt"), OctomapFormat::kBinary);
   octomap::OcTree again(path("again.bt"));
   EXPECT_EQ(voxelsOf(tree), voxelsOf(again));
+}
+
+TEST_F(OctomapFiles, PclReadsOurColours) {
+  Options options;
+  options.color = true;
+  OccupancyMap map(options);
+  Scan scan = scanOf(1);
+  for (std::size_t k = 0; k < scan.hits.size(); ++k)
+    scan.colors.push_back({static_cast<std::uint8_t>(k), 100, 255});
+  map.insertScan(scan);
+  const std::size_t written = rtree_occupancy_map::writePcd(map, path("a.pcd"));
+  pcl::PointCloud<pcl::PointXYZRGB> cloud;
+  ASSERT_EQ(0, pcl::io::loadPCDFile(path("a.pcd"), cloud));
+  ASSERT_EQ(written, cloud.size());
+  for (const pcl::PointXYZRGB& p : cloud)
+    EXPECT_EQ((Color{p.r, p.g, p.b}), map.colorAt(p.getVector3fMap().cast<double>()));
 }
 
 TEST_F(OctomapFiles, PclReadsOurClouds) {

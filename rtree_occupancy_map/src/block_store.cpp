@@ -88,6 +88,8 @@ void BlockStore::prepareAll() {
 }
 
 void BlockStore::create(const std::string& path, const OccupancyMap& map) {
+  if (map.options().color)
+    throw std::runtime_error(path + " was not written: color is true, and a store has no colours");
   const std::string part = path + ".part";
   std::remove(part.c_str());
   {
@@ -99,7 +101,7 @@ void BlockStore::create(const std::string& path, const OccupancyMap& map) {
     {
       Options options = withMachine(map.options(), Options());
       const Database::Statement insert = database.prepare("INSERT INTO options VALUES(?, ?)");
-      for (const auto& [option, section] : mapping_common::optionsOf(options)) {
+      for (const mapping_common::Option& option : optionsInFiles(options)) {
         const std::string name = option.name(), word = option.word();
         (Database::Use(database, insert) << name << word).next();
       }

@@ -188,6 +188,16 @@ bool BlockVoxels::anyOccupied(const LogOddsModel& model) const {
                                    [&](float log_odds) { return log_odds >= model.occupied; });
 }
 
+BlockRows BlockVoxels::occupied(const LogOddsModel& model) const {
+  BlockRows rows = high_;
+  const float* log_odds = log_odds_.data();
+  for (int row = 0; row < kBlockRows; ++row) {
+    forEachBit(between_[row],
+               [&](int z) { rows[row] |= static_cast<std::uint32_t>(*log_odds++ >= model.occupied) << z; });
+  }
+  return rows;
+}
+
 void BlockVoxels::addReflectivity(const std::vector<std::pair<int, float>>& returns, DenseBlock& buffer) {
   if (!texture_) texture_ = std::make_unique<Texture>();
   unpackTexture(buffer);

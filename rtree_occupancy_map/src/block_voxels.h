@@ -52,6 +52,7 @@ class BlockVoxels {
   /// @param seen null: nothing @return whether any log odds changed
   bool decay(const BlockRows* seen, const LogOddsModel& model, DenseBlock& buffer);
   bool anyOccupied(const LogOddsModel& model) const;
+  BlockRows occupied(const LogOddsModel& model) const;
   /// Takes returns (index of a voxel, value) into the mean reflectivities, in this order.
   void addReflectivity(const std::vector<std::pair<int, float>>& returns, DenseBlock& buffer);
 

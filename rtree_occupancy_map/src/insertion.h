@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "block_voxels.h"
+#include "color_layer.h"
 #include "decay.h"
 #include "rtree_occupancy_map/occupancy_map.h"
 #include "scan_raster.h"
@@ -28,7 +29,8 @@ struct OccupancyMap::Insertion {
         raster(options.resolution, pool),
         random(options.seed) {
     for (int i = 0; i < pool.size(); ++i)
-      buffers.emplace_back(new Buffer{DenseBlock(options.reflectivity), {}});
+      buffers.emplace_back(new Buffer{DenseBlock(options.reflectivity), {}, {}});
+    if (options.color) colors = std::make_unique<ColorLayer>();
   }
 
   // A place in a block of the raster.
@@ -37,24 +39,42 @@ struct OccupancyMap::Insertion {
     std::int32_t voxel;  // indexInBlock
     float value;
   };
+  struct ColorMark {
+    std::uint32_t slot;
+    std::int32_t voxel;
+    Color color;
+  };
   // For one block at a time.
   struct Buffer {
     DenseBlock dense;
     ScanMask mask;
+    std::vector<ColorSum> colors;  // as large as it takes only where there are colours
   };
 
   /// Updates the block of this slot of the raster. @return whether that changes its cells
   bool update(std::uint32_t slot, WorkingSet::Entry& entry, const RTree& tree, Buffer& buffer) const;
   /// Forgets what has not been seen for a while. @return the blocks that changed
   std::vector<Block> forget(double time, RTree& tree, RollingWindow* window);
-  /// The marks of a slot, once they are sorted.
-  static std::pair<const Mark*, const Mark*> marksOf(std::uint32_t slot, const std::vector<Mark>& marks) {
-    const auto less = [](const Mark& a, const Mark& b) { return a.slot < b.slot; };
-    return std::equal_range(marks.data(), marks.data() + marks.size(), Mark{slot, 0, 0.0F}, less);
+  /// Takes the scan's colours up, once its blocks are updated.
+  /// @param changed whether the log odds of the block in a slot did
+  /// @return the blocks that have other colours now
+  std::vector<Block> recolor(const std::vector<WorkingSet::Entry*>& entries,
+                             const std::vector<char>& changed);
+  /// Forgets colours of what isn't occupied any more.
+  void keepColors(const WorkingSet::Entry& entry) const {
+    if (colors) colors->keep(entry.block, entry.voxels.occupied(model));
   }
-  static void sortBySlot(std::vector<Mark>& marks) {
+  /// The marks of a slot, once they are sorted.
+  template <class AnyMark>
+  static std::pair<const AnyMark*, const AnyMark*> marksOf(std::uint32_t slot,
+                                                           const std::vector<AnyMark>& marks) {
+    const auto less = [](const AnyMark& a, const AnyMark& b) { return a.slot < b.slot; };
+    return std::equal_range(marks.data(), marks.data() + marks.size(), AnyMark{slot, 0, {}}, less);
+  }
+  template <class AnyMark>
+  static void sortBySlot(std::vector<AnyMark>& marks) {
     std::stable_sort(marks.begin(), marks.end(),
-                     [](const Mark& a, const Mark& b) { return a.slot < b.slot; });
+                     [](const AnyMark& a, const AnyMark& b) { return a.slot < b.slot; });
   }
 
   const LogOddsModel model;
@@ -65,8 +85,10 @@ struct OccupancyMap::Insertion {
   ScanRaster raster;
   std::vector<std::unique_ptr<Buffer>> buffers;  // one for each worker
   std::mt19937_64 random;
-  std::vector<Mark> reflectivity;  // returns
-  std::vector<Mark> selected;      // voxels whose cells may expand
+  std::vector<Mark> reflectivity;      // returns
+  std::vector<Mark> selected;          // voxels whose cells may expand
+  std::unique_ptr<ColorLayer> colors;  // none without Options::color
+  std::vector<ColorMark> colored;      // returns
 };
 
 }  // namespace rtree_occupancy_map

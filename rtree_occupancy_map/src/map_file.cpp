@@ -3,15 +3,20 @@
 // Map files are archives (mapping_common/archive.h) of the options, the number of cells (uint64) and the
 // cells: min and max corner as 6 int16, log odds as float32, with reflectivity its mean as float32 and its
 // hits as uint32. A new option needs no new version where its default does what maps did before it.
+// With colours there follow the number of blocks that have some (uint64) and of each its coordinates (int32)
+// and the number of its coloured voxels (uint32), and of each voxel of these, in ascending order, its index
+// in the block (uint16), the sums of red, green and blue and the number of returns (uint32).
 #include <mapping_common/archive.h>
 
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <iterator>
+#include <optional>
 #include <stdexcept>
 
 #include "block_store.h"
+#include "color_layer.h"
 #include "insertion.h"
 #include "log_odds.h"
 #include "machine_options.h"
@@ -84,6 +89,44 @@ Cell readCell(ArchiveReader& read, const Options& options, const LogOddsModel& m
   return cell;
 }
 
+void writeColors(const ColorLayer& layer, ArchiveWriter& write) {
+  write(static_cast<std::uint64_t>(layer.blocks().size()));
+  for (const auto& [block, colors] : layer.blocks()) {
+    for (const int coordinate : block) write(static_cast<std::int32_t>(coordinate));
+    write(static_cast<std::uint32_t>(colors.size()));
+    for (std::size_t i = 0; i < colors.size(); ++i) {
+      write(colors.voxel(i));
+      write(colors.color(i).sum);
+      write(colors.color(i).returns);
+    }
+  }
+}
+
+std::vector<ColoredVoxel> readColors(ArchiveReader& read) {
+  std::vector<ColoredVoxel> all;
+  std::optional<Block> last_block;
+  constexpr std::size_t kBlockHead = 4 * sizeof(std::uint32_t);
+  for (std::size_t blocks = read.count(kBlockHead); blocks > 0; --blocks) {
+    Block block;
+    for (int& coordinate : block) coordinate = read.next<std::int32_t>();
+    if (OccupancyMap::boxOf(block).isEmpty() || (last_block && !(*last_block < block)))
+      throw std::runtime_error("it holds colours out of order");
+    last_block = block;
+    int last_voxel = -1;
+    for (auto voxels = read.next<std::uint32_t>(); voxels > 0; --voxels) {
+      const auto voxel = read.next<BlockColors::Index>();
+      ColorSum color;
+      read(color.sum);
+      read(color.returns);
+      if (voxel <= last_voxel || voxel >= kBlockRows * kBlockSize || !color.isSound())
+        throw std::runtime_error("it holds colours out of order or range");
+      last_voxel = voxel;
+      all.push_back({voxelIn(block, voxel), color});
+    }
+  }
+  return all;
+}
+
 bool isStore(const std::string& path) {
   return std::filesystem::path(path).extension() == ".db";
 }
@@ -92,7 +135,12 @@ bool isStore(const std::string& path) {
 
 void OccupancyMap::write(ArchiveWriter& write) const {
   Options options = withMachine(options_, Options());
-  write(mapping_common::optionsOf(options));
+  const std::vector<mapping_common::Option> in_files = optionsInFiles(options);
+  write(static_cast<std::uint32_t>(in_files.size()));
+  for (const mapping_common::Option& option : in_files) {
+    write(option.name());
+    write(option.word());
+  }
   write(static_cast<std::uint64_t>(size()));
   visitAll([&](const Cell& cell) {
     write(cell.box);
@@ -100,6 +148,7 @@ void OccupancyMap::write(ArchiveWriter& write) const {
     if (options_.reflectivity) write(cell.reflectivity);
     return true;
   });
+  if (insertion_->colors) writeColors(*insertion_->colors, write);
 }
 
 OccupancyMap OccupancyMap::read(ArchiveReader& read, const Options& machine) {
@@ -107,14 +156,24 @@ OccupancyMap OccupancyMap::read(ArchiveReader& read, const Options& machine) {
   const auto count = read.next<std::uint64_t>();
   const std::size_t cell_size =
       sizeof(VoxelBox) + sizeof(float) + (options.reflectivity ? sizeof(Reflectivity) : 0);
-  if (read.left() / cell_size != count || read.left() % cell_size != 0) {
+  const bool fits = options.color ? count <= read.left() / cell_size
+                                  : read.left() / cell_size == count && read.left() % cell_size == 0;
+  if (!fits) {
     throw std::runtime_error("its number of cells and its size don't agree");
   }
   const LogOddsModel model(options);
   std::vector<Cell> cells;
   cells.reserve(count);
   for (std::uint64_t i = 0; i < count; ++i) cells.push_back(readCell(read, options, model));
-  return restore(options, std::move(cells));
+  OccupancyMap map = restore(options, std::move(cells));
+  if (options.color) {
+    const std::vector<ColoredVoxel> colors = readColors(read);
+    map.addColors(colors);
+    std::size_t taken = 0;
+    for (const auto& [block, some] : map.insertion_->colors->blocks()) taken += some.size();
+    if (taken != colors.size()) throw std::runtime_error("it holds colours of what isn't occupied");
+  }
+  return map;
 }
 
 void OccupancyMap::save(const std::string& path) const {

@@ -5,6 +5,8 @@
 #include <iterator>
 #include <utility>
 
+#include "block_rows.h"
+
 namespace rtree_occupancy_map {
 namespace {
 
@@ -18,13 +20,23 @@ std::vector<Block> knownBlocks(const OccupancyMap& map) {
 }
 
 MapSnapshot::MapSnapshot(const OccupancyMap& map, const std::vector<Block>& some)
-    : resolution(map.options().resolution), occupied_log_odds(map.options().tree.occupied_log_odds) {
+    : colored(map.options().color),
+      resolution(map.options().resolution),
+      occupied_log_odds(map.options().tree.occupied_log_odds) {
   blocks.reserve(some.size());
-  for (const Block& block : some) blocks.push_back({block, {}});
+  for (const Block& block : some) {
+    blocks.push_back({block, {}});
+    if (const BlockColors* colors = map.colorsIn(block)) blocks.back().colors = *colors;
+  }
   map.visitBlocks(some, [this](std::size_t i, const Cell& cell) {
     blocks[i].cells.push_back(cell);
     return true;
   });
+}
+
+std::optional<Color> MapSnapshot::BlockCells::colorOf(const VoxelBox& box) const {
+  if (colors.empty()) return std::nullopt;
+  return colors.meanIn(localBox(box, OccupancyMap::boxOf(block)));
 }
 
 MapSnapshot SharedMap::snapshot(const std::vector<Block>& blocks) const {

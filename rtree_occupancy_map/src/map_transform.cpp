@@ -160,6 +160,39 @@ void transformInto(const VoxelBox& box, double resolution, const OccupancyMap& m
   target.appendTo(cells);
 }
 
+// A voxel has the colours of the source's voxels whose centres are in it, or else of the one that its centre
+// is in.
+std::vector<ColoredVoxel> transformedColors(const OccupancyMap& map, const Eigen::Isometry3d& transform,
+                                            double resolution) {
+  const std::vector<ColoredVoxel> source = map.coloredVoxels();
+  const double from = map.options().resolution;
+  std::vector<ColoredVoxel> colors;
+  std::vector<Voxel> taken;
+  for (const ColoredVoxel& s : source) {
+    const Voxel to = voxelOf(transform * centerOf(s.voxel[0], s.voxel[1], s.voxel[2], from), resolution);
+    colors.push_back({to, s.color});
+    taken.push_back(to);
+  }
+  std::sort(taken.begin(), taken.end());
+  const Eigen::Isometry3d inverse = transform.inverse();
+  for (const ColoredVoxel& s : source) {
+    const Eigen::Vector3d min = from * Eigen::Vector3d(s.voxel[0], s.voxel[1], s.voxel[2]);
+    const Eigen::AlignedBox3d there = around({min, min + Eigen::Vector3d::Constant(from)}, transform);
+    const Voxel low = voxelOf(there.min(), resolution), high = voxelOf(there.max(), resolution);
+    for (int x = low[0]; x <= high[0]; ++x) {
+      for (int y = low[1]; y <= high[1]; ++y) {
+        for (int z = low[2]; z <= high[2]; ++z) {
+          const Voxel to = {x, y, z};
+          if (voxelOf(inverse * centerOf(x, y, z, resolution), from) == s.voxel &&
+              !std::binary_search(taken.begin(), taken.end(), to))
+            colors.push_back({to, s.color});
+        }
+      }
+    }
+  }
+  return colors;
+}
+
 }  // namespace
 
 OccupancyMap transformed(const OccupancyMap& map, const Eigen::Isometry3d& transform,
@@ -182,7 +215,9 @@ OccupancyMap transformed(const OccupancyMap& map, const Eigen::Isometry3d& trans
       }
     }
   }
-  return OccupancyMap::fromCells(options, cells);
+  OccupancyMap target = OccupancyMap::fromCells(options, cells);
+  if (options.color) target.addColors(transformedColors(map, transform, resolution));
+  return target;
 }
 
 OccupancyMap merged(const OccupancyMap& a, const OccupancyMap& b) {
@@ -217,7 +252,10 @@ OccupancyMap merged(const OccupancyMap& a, const OccupancyMap& b) {
     }
     into.appendTo(cells);
   }
-  return OccupancyMap::fromCells(a.options(), cells);
+  OccupancyMap both = OccupancyMap::fromCells(a.options(), cells);
+  both.addColors(a.coloredVoxels());
+  both.addColors(b.coloredVoxels());
+  return both;
 }
 
 }  // namespace rtree_occupancy_map

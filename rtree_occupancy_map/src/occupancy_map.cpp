@@ -5,9 +5,11 @@
 #include <array>
 #include <cmath>
 #include <iterator>
+#include <map>
 #include <sstream>
 #include <stdexcept>
 
+#include "color_layer.h"
 #include "insertion.h"
 #include "log_odds.h"
 #include "machine_options.h"
@@ -20,6 +22,9 @@ namespace {
 
 // In voxels: 0.6 m / 0.1 m isn't 6.
 constexpr double kRounding = 1e-6;
+
+constexpr const char* kNoColorsInWindow =
+    "color is true, allowed is false: a rolling window, and a store, has no colours";
 
 using VoxelBatch = std::array<Voxel, 256>;
 
@@ -53,6 +58,7 @@ void OccupancyMap::clear() {
   tree_.clear();
   insertion_->working_set.clear();
   insertion_->decay.clear();
+  if (insertion_->colors) insertion_->colors->clear();
 }
 
 const RTree& OccupancyMap::tree() const {
@@ -84,6 +90,7 @@ void OccupancyMap::rasterize(const Scan& scan, InsertReport& report) {
   in.raster.setOrigin(scan.origin);
   in.reflectivity.clear();
   in.selected.clear();
+  in.colored.clear();
   const bool beams = options_.sensor_model == SensorModel::kBeam;
   const bool expands = options_.fusion_strategy == FusionStrategy::kExpansion;
   const double inverse = 1.0 / options_.resolution;
@@ -120,10 +127,15 @@ void OccupancyMap::rasterize(const Scan& scan, InsertReport& report) {
     return true;
   };
 
+  const bool reflects = options_.reflectivity && !scan.reflectivity.empty(),
+             colors = in.colors != nullptr && !scan.colors.empty(), is_more_than_a_point = reflects || colors;
   const bool limited = std::isfinite(options_.max_range);
   Voxel last_voxel{kMaxVoxel, 0, 0};
   VoxelBatch batch;
   const RowKernels& kernels = rowKernels();
+  constexpr std::uint32_t kNoSlot = ~0u;
+  std::uint32_t slot = kNoSlot;  // of the block of the last return with more than a point
+  Block slot_block{};
   for (std::size_t i = 0; i < scan.hits.size(); ++i) {
     const Eigen::Vector3f& point = scan.hits[i];
     if (!scan.hit_origins.empty()) startAt(scan.hit_origins[i]);
@@ -162,10 +174,14 @@ void OccupancyMap::rasterize(const Scan& scan, InsertReport& report) {
       if (expands) select(voxel);
     }
     last_voxel = voxel;
-    if (options_.reflectivity && !scan.reflectivity.empty() && std::isfinite(scan.reflectivity[i])) {
-      in.reflectivity.push_back(
-          {in.raster.slotOf(blockOf(voxel)), indexInBlock(voxel), scan.reflectivity[i]});
+    if (!is_more_than_a_point) continue;
+    if (const Block block = blockOf(voxel); slot == kNoSlot || !isSame(block, slot_block)) {
+      slot = in.raster.slotOf(block);
+      slot_block = block;
     }
+    if (reflects && std::isfinite(scan.reflectivity[i]))
+      in.reflectivity.push_back({slot, indexInBlock(voxel), scan.reflectivity[i]});
+    if (colors) in.colored.push_back({slot, indexInBlock(voxel), scan.colors[i]});
   }
   for (std::size_t i = 0; i < scan.misses.size(); ++i) {
     const Eigen::Vector3f& end = scan.misses[i];
@@ -196,6 +212,7 @@ void OccupancyMap::check(const Scan& scan) const {
   };
   checkOrigin(scan.origin);
   checkSize(scan.reflectivity.size(), " reflectivities for ", scan.hits.size(), " hits");
+  checkSize(scan.colors.size(), " colours for ", scan.hits.size(), " hits");
   checkSize(scan.hit_origins.size(), " origins for ", scan.hits.size(), " hits");
   checkSize(scan.miss_origins.size(), " origins for ", scan.misses.size(), " misses");
   for (const Eigen::Vector3f& origin : scan.hit_origins) checkOrigin(origin);
@@ -235,6 +252,10 @@ InsertReport OccupancyMap::insertScan(const Scan& scan) {
     report.changed_blocks.push_back(entries[slot]->block);
   }
   std::vector<Block>& blocks = report.changed_blocks;
+  if (in.colors) {
+    const std::vector<Block> recolored = in.recolor(entries, changed);
+    blocks.insert(blocks.end(), recolored.begin(), recolored.end());
+  }
   std::sort(blocks.begin(), blocks.end());
   blocks.erase(std::unique(blocks.begin(), blocks.end()), blocks.end());
   in.working_set.trim(tree_);
@@ -261,6 +282,63 @@ bool OccupancyMap::Insertion::update(std::uint32_t slot, WorkingSet::Entry& entr
   return changed || !returns.empty() || !entry.selected.empty();
 }
 
+std::vector<Block> OccupancyMap::Insertion::recolor(const std::vector<WorkingSet::Entry*>& entries,
+                                                    const std::vector<char>& changed) {
+  // The returns, slot by slot.
+  std::vector<std::uint32_t> begin(entries.size() + 1);
+  for (const ColorMark& mark : colored) ++begin[mark.slot + 1];
+  for (std::size_t slot = 0; slot < entries.size(); ++slot) begin[slot + 1] += begin[slot];
+  struct Return {
+    BlockColors::Index voxel;
+    Color color;
+  };
+  std::vector<Return> returns(colored.size());
+  std::vector<std::uint32_t> next(begin.begin(), begin.end() - 1);
+  for (const ColorMark& mark : colored)
+    returns[next[mark.slot]++] = {static_cast<BlockColors::Index>(mark.voxel), mark.color};
+
+  struct Task {
+    std::size_t slot;
+    BlockColors* block;
+    bool changed;
+  };
+  std::vector<Task> tasks;
+  for (std::size_t slot = 0; slot < entries.size(); ++slot) {
+    const Block& block = entries[slot]->block;
+    if (begin[slot] != begin[slot + 1] || (changed[slot] != 0 && colors->find(block) != nullptr))
+      tasks.push_back({slot, &colors->at(block), false});
+  }
+  pool.run(tasks.size(), kBlocksWorthSharing, [&](std::size_t i, int worker) {
+    Task& task = tasks[i];
+    std::vector<ColorSum>& sums = buffers[worker]->colors;  // by voxel, of those in `rows`
+    sums.resize(kBlockRows * kBlockSize);
+    BlockRows rows{};
+    for (std::uint32_t k = begin[task.slot]; k < begin[task.slot + 1]; ++k) {
+      const BlockColors::Index voxel = returns[k].voxel;
+      std::uint32_t& row = rows[voxel / kBlockSize];
+      const std::uint32_t bit = 1u << voxel % kBlockSize;
+      if ((row & bit) == 0) sums[voxel] = {};
+      row |= bit;
+      sums[voxel].add(returns[k].color);
+    }
+    std::vector<BlockColors::Entry> seen;
+    for (int row = 0; row < kBlockRows; ++row) {
+      forEachBit(rows[row], [&](int z) {
+        const int voxel = row * kBlockSize + z;
+        seen.push_back({static_cast<BlockColors::Index>(voxel), sums[static_cast<std::size_t>(voxel)]});
+      });
+    }
+    task.changed = task.block->update(seen, entries[task.slot]->voxels.occupied(model));
+  });
+  std::vector<Block> recolored;
+  for (const Task& task : tasks) {
+    const Block& block = entries[task.slot]->block;
+    if (task.changed) recolored.push_back(block);
+    colors->forgetEmpty(block);
+  }
+  return recolored;
+}
+
 std::vector<Block> OccupancyMap::Insertion::forget(double time, RTree& tree, RollingWindow* window) {
   std::vector<Block> changed;
   if (!decay.isOn()) return changed;
@@ -278,6 +356,7 @@ std::vector<Block> OccupancyMap::Insertion::forget(double time, RTree& tree, Rol
     for (int step = 1; step < due.steps && entry.voxels.decay(nullptr, model, dense); ++step) any = true;
     if (!entry.voxels.anyOccupied(model)) decay.remove(due.block);
     if (!any) continue;
+    keepColors(entry);
     working_set.setChanged(entry);
     if (window != nullptr) window->setChanged(due.block);
     changed.push_back(due.block);
@@ -310,6 +389,7 @@ std::vector<Block> OccupancyMap::clearBox(const Eigen::Vector3d& min, const Eige
     WorkingSet::Entry& entry = in.working_set.at(block);
     if (!entry.loaded) in.working_set.load(entry, tree_, in.buffers[0]->dense);
     if (!entry.voxels.setFree(localBox(intersect(box, boxOf(block)), boxOf(block)))) continue;
+    in.keepColors(entry);
     in.working_set.setChanged(entry);
     if (window_) window_->setChanged(block);
     changed.push_back(block);
@@ -329,13 +409,18 @@ std::optional<Cell> OccupancyMap::cellAt(const Voxel& voxel) const {
   return found;
 }
 
-std::optional<Cell> OccupancyMap::cellAt(const Eigen::Vector3d& point) const {
+Voxel OccupancyMap::voxelAt(const Eigen::Vector3d& point) const {
   Voxel voxel;
   for (int i = 0; i < 3; ++i) {
     const double c = std::floor(point[i] / options_.resolution);
-    if (!(c >= kMinVoxel && c < kMaxVoxel)) return std::nullopt;
-    voxel[i] = static_cast<int>(c);
+    voxel[i] = c >= kMinVoxel && c < kMaxVoxel ? static_cast<int>(c) : kMaxVoxel;
   }
+  return voxel;
+}
+
+std::optional<Cell> OccupancyMap::cellAt(const Eigen::Vector3d& point) const {
+  const Voxel voxel = voxelAt(point);
+  if (!isInside(voxel)) return std::nullopt;
   return cellAt(voxel);
 }
 
@@ -401,6 +486,7 @@ std::vector<Block> OccupancyMap::blocks() const {
 
 std::size_t OccupancyMap::memoryUsage() const {
   return tree_.memoryUsage() + insertion_->working_set.memoryUsage() + insertion_->decay.memoryUsage() +
+         (insertion_->colors ? insertion_->colors->memoryUsage() : 0) +
          (window_ ? window_->memoryUsage() : 0);
 }
 
@@ -429,6 +515,66 @@ Statistics OccupancyMap::statistics() const {
   s.height = tree_.height();
   s.memory_bytes = memoryUsage();
   return s;
+}
+
+// ---- colours ------------------------------------------------------------------------------------
+
+void OccupancyMap::setColor(bool color) {
+  if (color && window_) throw std::invalid_argument(kNoColorsInWindow);
+  if (color == options_.color) return;
+  options_.color = color;
+  insertion_->colors = color ? std::make_unique<ColorLayer>() : nullptr;
+}
+
+const BlockColors* OccupancyMap::colorsIn(const Block& block) const {
+  return insertion_->colors ? insertion_->colors->find(block) : nullptr;
+}
+
+std::optional<Color> OccupancyMap::colorOf(const Cell& cell) const {
+  const Block block = blockOf(Voxel{cell.box.min[0], cell.box.min[1], cell.box.min[2]});
+  const BlockColors* colors = colorsIn(block);
+  if (colors == nullptr) return std::nullopt;
+  return colors->meanIn(localBox(cell.box, boxOf(block)));
+}
+
+std::optional<Color> OccupancyMap::colorAt(const Eigen::Vector3d& point) const {
+  const Voxel voxel = voxelAt(point);
+  if (!isInside(voxel)) return std::nullopt;
+  Cell cell;
+  cell.box = VoxelBox::unit(voxel);
+  return colorOf(cell);
+}
+
+std::vector<ColoredVoxel> OccupancyMap::coloredVoxels() const {
+  std::vector<ColoredVoxel> all;
+  if (!insertion_->colors) return all;
+  for (const auto& [block, colors] : insertion_->colors->blocks()) {
+    for (std::size_t i = 0; i < colors.size(); ++i)
+      all.push_back({voxelIn(block, colors.voxel(i)), colors.color(i)});
+  }
+  return all;
+}
+
+void OccupancyMap::addColors(const std::vector<ColoredVoxel>& colors) {
+  if (!insertion_->colors) return;
+  std::map<Block, std::vector<BlockColors::Entry>> by_block;
+  for (const ColoredVoxel& c : colors)
+    by_block[blockOf(c.voxel)].push_back({static_cast<BlockColors::Index>(indexInBlock(c.voxel)), c.color});
+  for (auto& [block, seen] : by_block) {
+    std::stable_sort(seen.begin(), seen.end(),
+                     [](const auto& a, const auto& b) { return a.voxel < b.voxel; });
+    const VoxelBox box = boxOf(block);
+    BlockRows occupied{};
+    visitOccupied(box, [&](const Cell& cell) {
+      const VoxelBox local = localBox(cell.box, box);
+      for (int y = local.min[1]; y < local.max[1]; ++y)
+        for (int x = local.min[0]; x < local.max[0]; ++x)
+          occupied[y * kBlockSize + x] |= bits(local.min[2], local.max[2]);
+      return true;
+    });
+    insertion_->colors->at(block).update(seen, occupied);
+    insertion_->colors->forgetEmpty(block);
+  }
 }
 
 // ---- rolling window -----------------------------------------------------------------------------
@@ -473,6 +619,7 @@ OccupancyMap OccupancyMap::open(const WindowOptions& window, const Options& mach
 
 void OccupancyMap::keepIn(const WindowOptions& window) {
   mapping_common::validate(window);
+  if (options_.color) throw std::invalid_argument(kNoColorsInWindow);
   if (window_ && window_->isIn(window.file))
     throw std::invalid_argument(window.file + " is the map's store already");
   BlockStore::create(window.file, *this);

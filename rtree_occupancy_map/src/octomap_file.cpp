@@ -14,6 +14,7 @@
 #include <fstream>
 #include <iterator>
 #include <limits>
+#include <optional>
 #include <sstream>
 #include <stdexcept>
 #include <utility>
@@ -42,45 +43,58 @@ using Kind = Octree::Kind;
 // Writes nodes, depth first.
 class NodeWriter {
  public:
-  explicit NodeWriter(OctomapFormat format) : binary_(format == OctomapFormat::kBinary) {}
+  NodeWriter(OctomapFormat format, bool colored)
+      : binary_(format == OctomapFormat::kBinary),
+        value_size_(binary_ ? 0 : sizeof(float) + (colored ? sizeof(Color) : 0)),
+        colored_(colored && !binary_) {}
 
-  Node leaf(float value) {
+  Node leaf(float value, const Color& color) {
+    const Node node = {Kind::kLeaf, value, color};
     ++data_.nodes;
     if (!binary_) {
-      data_.bytes.append(reinterpret_cast<const char*>(&value), sizeof(value));
-      data_.bytes.push_back(0);
+      const std::size_t at = data_.bytes.size();
+      data_.bytes.resize(at + value_size_ + 1);
+      writeValue(node, at);
     }
-    return {Kind::kLeaf, value};
+    return node;
   }
 
   // A node stands before its children, and says of them what is known only once they are written.
   template <class WriteChild>
   Node inner(WriteChild&& writeChild) {
     const std::size_t at = data_.bytes.size(), nodes = data_.nodes;
-    const std::size_t children_at = at + (binary_ ? 0 : sizeof(float));
+    const std::size_t children_at = at + value_size_;
     data_.bytes.resize(children_at + (binary_ ? 2 : 1));
     ++data_.nodes;
     float greatest = -std::numeric_limits<float>::infinity(), least = -greatest;
-    unsigned leaves = 0, children = 0;
+    unsigned leaves = 0, children = 0, colored = 0;
+    std::array<unsigned, 3> sum{};
     for (unsigned i = 0; i < 8; ++i) {
       const Node child = writeChild(i);
       if (child.kind == Kind::kUnknown) continue;
       greatest = std::max(greatest, child.value);
       least = std::min(least, child.value);
       leaves += child.kind == Kind::kLeaf;
+      if (child.color != kNoColor) {
+        ++colored;
+        for (int k = 0; k < 3; ++k) sum[k] += child.color[k];
+      }
       const unsigned as = child.kind == Kind::kInner ? kInnerChild
                           : child.value > 0.0F       ? kOccupiedChild
                                                      : kFreeChild;
       children |= binary_ ? as << 2 * i : 1U << i;
     }
+    Color mean = kNoColor;
+    for (int k = 0; k < 3 && colored > 0; ++k) mean[k] = static_cast<std::uint8_t>(sum[k] / colored);
     if (leaves == 8 && least == greatest) {
       data_.bytes.resize(at);
       data_.nodes = nodes;
-      return leaf(greatest);
+      return leaf(greatest, mean);
     }
     std::memcpy(&data_.bytes[children_at], &children, binary_ ? 2 : 1);
-    if (!binary_) std::memcpy(&data_.bytes[at], &greatest, sizeof(float));
-    return {Kind::kInner, greatest};
+    const Node node = {Kind::kInner, greatest, mean};
+    if (!binary_) writeValue(node, at);
+    return node;
   }
 
   // A node with all below it that was written elsewhere.
@@ -91,20 +105,32 @@ class NodeWriter {
   }
 
   bool isBinary() const { return binary_; }
-  OctomapData take() { return std::exchange(data_, {}); }
+  bool isColored() const { return colored_; }
+  OctomapData take() {
+    data_.colored = colored_;
+    return std::exchange(data_, {});
+  }
 
  private:
+  void writeValue(const Node& node, std::size_t at) {
+    std::memcpy(&data_.bytes[at], &node.value, sizeof(float));
+    if (colored_) std::memcpy(&data_.bytes[at + sizeof(float)], node.color.data(), sizeof(Color));
+  }
+
   const bool binary_;
+  const std::size_t value_size_;  // bytes of a node before its children
+  const bool colored_;
   OctomapData data_;
 };
 
 class BlockWriter {
  public:
-  explicit BlockWriter(OctomapFormat format) : write_(format) {}
+  BlockWriter(OctomapFormat format, bool colored) : write_(format, colored) {}
 
   Node write(const MapSnapshot& map, const MapSnapshot::BlockCells& block) {
     std::vector<Cell>& cells = cells_[kBlockBits];
     cells = block.cells;
+    block_ = &block;
     if (write_.isBinary()) {
       for (Cell& cell : cells) cell.log_odds = map.isOccupied(cell) ? 1.0F : -1.0F;
     }
@@ -117,7 +143,7 @@ class BlockWriter {
   Node writeCells(int level, const VoxelBox& cube) {
     const std::vector<Cell>& cells = cells_[level];
     if (cells.empty()) return {};
-    if (cells.front().box.contains(cube)) return write_.leaf(cells.front().log_odds);
+    if (cells.front().box.contains(cube)) return write_.leaf(cells.front().log_odds, colorOf(cube));
     return write_.inner([&](unsigned child) {
       VoxelBox octant = cube;
       for (int i = 0; i < 3; ++i) {
@@ -132,7 +158,15 @@ class BlockWriter {
     });
   }
 
+  // The nearest to white that isn't taken for none.
+  Color colorOf(const VoxelBox& cube) const {
+    constexpr Color kAlmostWhite = {255, 255, 254};
+    const std::optional<Color> color = write_.isColored() ? block_->colorOf(cube) : std::nullopt;
+    return !color ? kNoColor : *color == kNoColor ? kAlmostWhite : *color;
+  }
+
   NodeWriter write_;
+  const MapSnapshot::BlockCells* block_ = nullptr;
   std::array<std::vector<Cell>, kBlockBits + 1> cells_;  // by level
 };
 
@@ -169,6 +203,8 @@ struct Header {
   std::string id;
   std::size_t nodes = 0;
   double resolution = 0.0;
+
+  bool isColored() const { return id == "ColorOcTree"; }
 };
 
 // As OctoMap does: comments, and names with values, up to "data".
@@ -205,13 +241,8 @@ Header readHeader(std::istream& in) {
 class OctreeReader {
  public:
   OctreeReader(std::istream& in, const Header& header, float low, float high)
-      : in_(*in.rdbuf()),
-        header_(header),
-        low_(low),
-        high_(high),
-        colour_(header.id == "ColorOcTree" ? 3 : 0) {
-    const bool known =
-        header.id == "OcTree" || header.id == "1" || header.id == "OcTreeStamped" || colour_ > 0;
+      : in_(*in.rdbuf()), header_(header), low_(low), high_(high), colored_(header.isColored()) {
+    const bool known = header.id == "OcTree" || header.id == "1" || header.id == "OcTreeStamped" || colored_;
     if (!known) {
       throw std::runtime_error("it is a " + header.id.substr(0, 80) +
                                ", allowed are OcTree, ColorOcTree and OcTreeStamped");
@@ -232,6 +263,8 @@ class OctreeReader {
       throw std::runtime_error("it is corrupted: there is more after its last node");
     return std::move(cells_);
   }
+  /// Of those cells that have one, by their numbers.
+  const std::vector<std::pair<std::size_t, Color>>& colors() const { return colors_; }
 
  private:
   // Of 2^level voxels.
@@ -264,9 +297,13 @@ class OctreeReader {
 
   void readFull(const Cube& cube) {
     const auto log_odds = next<float>();
-    skip(colour_);
+    const Color color = colored_ ? next<Color>() : kNoColor;
     const auto children = next<std::uint8_t>();
-    if (children == 0) return addLeaf(cube, log_odds);
+    if (children == 0) {
+      addLeaf(cube, log_odds);
+      if (color != kNoColor) colors_.emplace_back(cells_.size() - 1, color);
+      return;
+    }
     for (unsigned i = 0; i < 8; ++i) {
       if ((children >> i & 1) != 0) readFull(childOf(cube, i));
     }
@@ -295,10 +332,6 @@ class OctreeReader {
     take(reinterpret_cast<char*>(&value), sizeof(T));
     return value;
   }
-  void skip(std::size_t count) {
-    std::array<char, 3> ignored;
-    take(ignored.data(), count);
-  }
   void take(char* to, std::size_t count) {
     if (in_.sgetn(to, static_cast<std::streamsize>(count)) != static_cast<std::streamsize>(count))
       throw std::runtime_error("it is truncated");
@@ -306,11 +339,42 @@ class OctreeReader {
 
   std::streambuf& in_;
   const Header& header_;
-  const float low_, high_;    // log odds of .bt
-  const std::size_t colour_;  // bytes of a node
+  const float low_, high_;  // log odds of .bt
+  const bool colored_;
   std::size_t nodes_ = 0;
   std::vector<Cell> cells_;
+  std::vector<std::pair<std::size_t, Color>> colors_;
 };
+
+// A few bytes of a corrupted file can claim any number of voxels. These are 600 MB.
+constexpr std::int64_t kMostColored = std::int64_t{1} << 25;
+
+// Of cells that are occupied. @param colors by the cells' numbers
+void addColors(const std::vector<Cell>& cells, const std::vector<std::pair<std::size_t, Color>>& colors,
+               OccupancyMap& map) {
+  constexpr std::size_t kAtOnce = 1 << 20;
+  std::int64_t count = 0;
+  for (const auto& [number, color] : colors)
+    if (map.isOccupied(cells[number])) count += cells[number].box.volume();
+  if (count > kMostColored) throw std::runtime_error("it has colours of too many voxels");
+  std::vector<ColoredVoxel> voxels;
+  const auto flush = [&] {
+    map.addColors(voxels);
+    voxels.clear();
+  };
+  for (const auto& [number, color] : colors) {
+    if (!map.isOccupied(cells[number])) continue;
+    ColorSum sum;
+    sum.add(color);
+    const VoxelBox& box = cells[number].box;
+    for (int x = box.min[0]; x < box.max[0]; ++x) {
+      for (int y = box.min[1]; y < box.max[1]; ++y)
+        for (int z = box.min[2]; z < box.max[2]; ++z) voxels.push_back({{x, y, z}, sum});
+      if (voxels.size() > kAtOnce) flush();
+    }
+  }
+  flush();
+}
 
 // A probability of these very log odds, with as few digits as it takes: 0.97, not 0.96999999.
 double probabilityOf(float log_odds) {
@@ -341,14 +405,29 @@ OccupancyMap read(std::istream& in, Options options) {
   }
   if (least < logOdds(options.clamping_min)) options.clamping_min = probabilityOf(least);
   if (greatest > logOdds(options.clamping_max)) options.clamping_max = probabilityOf(greatest);
-  return OccupancyMap::fromCells(options, cells);
+  OccupancyMap map = OccupancyMap::fromCells(options, cells);
+  if (options.color) addColors(cells, reader.colors(), map);
+  return map;
+}
+
+// @param use what is done with the file, @return what that returns
+template <class Use>
+auto withFile(const std::string& path, const Use& use) {
+  std::ifstream in(path, std::ios::binary);
+  if (!in) throw std::runtime_error(path + " can't be opened: " + std::strerror(errno));
+  try {
+    return use(in);
+  } catch (const std::exception& e) {
+    throw std::runtime_error(path + " was not loaded: " + e.what());
+  }
 }
 
 }  // namespace
 
 void Octree::update(const MapSnapshot& changed) {
   resolution_ = changed.resolution;
-  BlockWriter writer(format_);
+  colored_ = changed.colored;
+  BlockWriter writer(format_, colored_);
   for (const MapSnapshot::BlockCells& block : changed.blocks) {
     const Node node = writer.write(changed, block);
     if (node.kind == Kind::kUnknown) {
@@ -360,7 +439,7 @@ void Octree::update(const MapSnapshot& changed) {
 }
 
 OctomapData Octree::data() const {
-  NodeWriter writer(format_);
+  NodeWriter writer(format_, colored_);
   std::vector<const std::pair<const std::uint64_t, Part>*> blocks;
   blocks.reserve(blocks_.size());
   for (const auto& block : blocks_) blocks.push_back(&block);
@@ -370,6 +449,7 @@ OctomapData Octree::data() const {
 
 OctomapData toOctomap(const OccupancyMap& map, OctomapFormat format) {
   Octree octree(format);
+  octree.update(MapSnapshot(map, {}));
   for (const Block& block : knownBlocks(map)) octree.update(MapSnapshot(map, {block}));
   return octree.data();
 }
@@ -378,20 +458,21 @@ void writeOctomap(const OccupancyMap& map, const std::string& path, OctomapForma
   const OctomapData data = toOctomap(map, format);
   mapping_common::writeFile(path, [&](std::ostream& out) {
     out << kFirstLine[format == OctomapFormat::kBinary ? 0 : 1]
-        << "\n# (feel free to add / change comments, but leave the first line as it is!)\n#\nid OcTree\nsize "
-        << data.nodes << "\nres " << mapping_common::toText(map.options().resolution) << "\ndata\n";
+        << "\n# (feel free to add / change comments, but leave the first line as it is!)\n#\nid " << data.id()
+        << "\nsize " << data.nodes << "\nres " << mapping_common::toText(map.options().resolution)
+        << "\ndata\n";
     out.write(data.bytes.data(), static_cast<std::streamsize>(data.bytes.size()));
   });
 }
 
 OccupancyMap readOctomap(const std::string& path, const Options& options) {
-  std::ifstream in(path, std::ios::binary);
-  if (!in) throw std::runtime_error(path + " can't be opened: " + std::strerror(errno));
-  try {
-    return read(in, options);
-  } catch (const std::exception& e) {
-    throw std::runtime_error(path + " was not loaded: " + e.what());
-  }
+  return withFile(path, [&options](std::istream& in) { return read(in, options); });
+}
+
+OccupancyMap readOctomap(const std::string& path) {
+  Options options;
+  options.color = withFile(path, [](std::istream& in) { return readHeader(in).isColored(); });
+  return readOctomap(path, options);
 }
 
 }  // namespace rtree_occupancy_map

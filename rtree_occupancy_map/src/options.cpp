@@ -8,10 +8,22 @@
 namespace rtree_occupancy_map {
 namespace {
 
-constexpr const char* kOfNoMatter[] = {"threads", "working_set_memory",     "decay_time",
-                                       "seed",    "sensor_model/min_range", "sensor_model/max_range"};
+constexpr const char* kOfNoMatter[] = {"threads",
+                                       "working_set_memory",
+                                       "decay_time",
+                                       "color",
+                                       "seed",
+                                       "sensor_model/min_range",
+                                       "sensor_model/max_range"};
 
 }  // namespace
+
+std::vector<mapping_common::Option> optionsInFiles(Options& options) {
+  std::vector<mapping_common::Option> in_files;
+  for (const auto& [option, section] : mapping_common::optionsOf(options))
+    if (options.color || option.name() != "color") in_files.push_back(option);
+  return in_files;
+}
 
 void requireLike(const Options& options, const Options& expected) {
   Options copy = options, expected_copy = expected;

@@ -158,6 +158,63 @@ TEST(MarkerCache, Colours) {
   EXPECT_NE(none.r, none.b);
 }
 
+// A map with colours, which change without the cells.
+template <class Step>
+void driveColored(OccupancyMap& map, Step step) {
+  for (unsigned i = 0; i < 12; ++i) {
+    Scan scan = roomScan({0.1F, 0.1F, 0.1F}, {3.0F, 2.0F, 1.5F + static_cast<float>(i / 6)}, i % 2);
+    for (std::size_t k = 0; k < scan.hits.size(); ++k)
+      scan.colors.push_back({static_cast<std::uint8_t>(20 * i), static_cast<std::uint8_t>(k), 200});
+    if (i == 10) scan.colors.clear();
+    step(map.insertScan(scan).changed_blocks);
+  }
+  step(map.clearBox({-2, -3, -2}, {1, 3, 2}));
+}
+
+Options withColor() {
+  Options options;
+  options.color = true;
+  return options;
+}
+
+TEST(MarkerCache, ShowsTheColoursOfVoxels) {
+  OccupancyMap map(withColor());
+  MarkerCache cache("map", MarkerCache::Show::kOccupied);
+  std::map<std::int32_t, visualization_msgs::Marker> shown;
+  driveColored(map, [&](const std::vector<Block>& changed) {
+    for (const auto& marker : cache.changes({map, changed}, {ColorMode::kColor, 0.0, 1.0}).markers) {
+      if (marker.action == visualization_msgs::Marker::ADD) {
+        shown[marker.id] = marker;
+      } else {
+        shown.erase(marker.id);
+      }
+    }
+    std::size_t voxels = 0, colored = 0, expected = 0;
+    for (const auto& [id, marker] : shown) {
+      ASSERT_EQ(marker.points.size(), marker.colors.size());
+      for (std::size_t i = 0; i < marker.points.size(); ++i) {
+        voxels += static_cast<std::size_t>(
+            std::lround(marker.scale.x * marker.scale.y * marker.scale.z / std::pow(kResolution, 3)));
+        const auto color = map.colorAt(toEigen(marker.points[i]));
+        const auto& c = marker.colors[i];
+        const Color mean = color.value_or(kNoColor);
+        ASSERT_NEAR(mean[0], 255 * c.r, 0.1);
+        ASSERT_NEAR(mean[1], 255 * c.g, 0.1);
+        ASSERT_NEAR(mean[2], 255 * c.b, 0.1);
+        ASSERT_EQ(1.0F, c.a);
+        colored += color.has_value();
+      }
+    }
+    ASSERT_EQ(map.coloredVoxels().size(), colored);
+    map.visitOccupied([&expected](const Cell& cell) {
+      expected += static_cast<std::size_t>(cell.box.volume());
+      return true;
+    });
+    ASSERT_EQ(expected, voxels);
+  });
+  EXPECT_FALSE(shown.empty());
+}
+
 // The projection of every voxel, one by one.
 std::map<std::array<int, 2>, int> projectByVoxel(const OccupancyMap& map, int min_z, int max_z) {
   std::map<std::array<int, 2>, int> pixels;
@@ -297,6 +354,32 @@ TEST(CellConversion, CloudHoldsTheCells) {
   EXPECT_TRUE(boxesOf(map, true) == received);
 }
 
+TEST(CellConversion, CloudHoldsTheColours) {
+  OccupancyMap map(withColor());
+  OccupiedCloud changing;
+  driveColored(map, [&](const std::vector<Block>& changed) {
+    changing.update({map, changed});
+    const auto cloud = occupiedCloud(map);
+    ASSERT_EQ(cloud.data, changing.cloud().data);
+    ASSERT_EQ("rgb", cloud.fields.back().name);
+    ASSERT_EQ(cloud.fields.back().offset + 4, cloud.point_step);
+    std::size_t colored = 0;
+    for (std::size_t i = 0; i < cloud.width; ++i) {
+      float v[8];
+      std::uint32_t packed;
+      std::memcpy(v, &cloud.data[i * cloud.point_step], sizeof(v));
+      std::memcpy(&packed, &cloud.data[i * cloud.point_step + sizeof(v)], sizeof(packed));
+      const auto cell = map.cellAt(Eigen::Vector3d(v[0], v[1], v[2]));
+      ASSERT_TRUE(cell);
+      const auto color = map.colorOf(*cell);
+      ASSERT_EQ(color.value_or(kNoColor), unpackedColor(packed));
+      colored += color.has_value();
+    }
+    ASSERT_GT(colored, 50u);
+  });
+  EXPECT_EQ("reflectivity", occupiedCloud(OccupancyMap()).fields.back().name);
+}
+
 // Block by block as they change, it comes to the same as all at once.
 TEST(CellConversion, CloudsOfAMapThatChanges) {
   OccupancyMap map;
@@ -312,14 +395,19 @@ TEST(CellConversion, CloudsOfAMapThatChanges) {
 
 TEST(CellConversion, OctreesOfAMapThatChanges) {
   for (const OctomapFormat format : {OctomapFormat::kBinary, OctomapFormat::kFull}) {
-    OccupancyMap map;
-    Octree octree(format);
-    drive(map, [&](const std::vector<Block>& changed) {
-      octree.update({map, changed});
-      const OctomapData expected = toOctomap(map, format), actual = octree.data();
-      ASSERT_EQ(expected.nodes, actual.nodes);
-      ASSERT_EQ(expected.bytes, actual.bytes);
-    });
+    OccupancyMap map, colored(withColor());
+    for (OccupancyMap* of : {&map, &colored}) {
+      Octree octree(format);
+      const auto compare = [&](const std::vector<Block>& changed) {
+        octree.update({*of, changed});
+        const OctomapData expected = toOctomap(*of, format), actual = octree.data();
+        ASSERT_EQ(expected.nodes, actual.nodes);
+        ASSERT_EQ(expected.bytes, actual.bytes);
+        ASSERT_STREQ(of == &colored && format == OctomapFormat::kFull ? "ColorOcTree" : "OcTree",
+                     actual.id());
+      };
+      of == &map ? drive(*of, compare) : driveColored(*of, compare);
+    }
   }
 }
 

@@ -18,7 +18,7 @@ using CellsOfBlocks = std::map<Block, std::vector<Cell>>;
 
 std::map<Voxel, float> voxelsOf(const MapSnapshot& snapshot) {
   std::map<Voxel, float> voxels;
-  for (const auto& [block, cells] : snapshot.blocks) {
+  for (const auto& [block, cells, colors] : snapshot.blocks) {
     for (const Cell& cell : cells) {
       for (int x = cell.box.min[0]; x < cell.box.max[0]; ++x)
         for (int y = cell.box.min[1]; y < cell.box.max[1]; ++y)
@@ -82,7 +82,7 @@ TEST(SharedMap, CanBeTakenAlongWhileItChanges) {
       blocks.assign(changed.begin(), changed.end());
       changed.clear();
     }
-    for (auto& [block, cells] : map.snapshot(blocks).blocks) taken[block] = cells;
+    for (auto& [block, cells, colors] : map.snapshot(blocks).blocks) taken[block] = cells;
   }
   inserting.join();
   EXPECT_GT(snapshots, 3);

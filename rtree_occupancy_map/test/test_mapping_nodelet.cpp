@@ -20,6 +20,7 @@
 
 #include "nodelet_fixture.h"
 #include "rtree_occupancy_map/octomap_file.h"
+#include "rtree_occupancy_map/ros/octomap_message.h"
 
 namespace rtree_occupancy_map {
 namespace {
@@ -411,6 +412,84 @@ TEST_F(MappingNodelet, KeepsInAFileWhatIsFar) {
   setParam("resolution", 0.3);
   setParam("other_resolution", std::string("refuse"));
   EXPECT_NE(std::string::npos, whyNotLoaded().find("of 0.2 m"));
+}
+
+sensor_msgs::PointCloud2 coloredRoom(unsigned seed) {
+  using sensor_msgs::PointField;
+  std::vector<std::vector<double>> points;
+  for (const auto& p : roomPoints({4, 3, 1.5}, 1000, seed))
+    points.push_back(
+        {p.x(), p.y(), p.z(), static_cast<double>(packedColor({100, 200, 50}) + points.size() % 50)});
+  constexpr std::uint8_t kFloat = PointField::FLOAT32;
+  return makeCloud({{"x", kFloat}, {"y", kFloat}, {"z", kFloat}, {"rgba", PointField::UINT32}}, points);
+}
+
+TEST_F(MappingNodelet, ColoursWhatItMaps) {
+  const mapping_common::TempDir directory;
+  const std::string file = directory.path("colors.map"), plain = directory.path("plain.map");
+  setParam("color", true);
+  setParam("color_mode", std::string("color"));
+  setParam("full_map_period", 0.0);
+  ASSERT_TRUE(load());
+  reference_.setColor(true);
+  sendStaticPose("sensor", poseOf(0.1, 0.2, 0.3));
+  const auto insert = [this](unsigned seed) {
+    send(coloredRoom(seed), "sensor");
+    ScanLimits limits;
+    limits.color = true;
+    reference_.insertScan(toScan(coloredRoom(seed), poseOf(0.1, 0.2, 0.3), limits).scan);
+  };
+  const auto expectColors = [&] {
+    ASSERT_TRUE(callWithPath<mapping_msgs::SaveMap>("save_map", file).success);
+    const std::vector<ColoredVoxel> actual = OccupancyMap::load(file).coloredVoxels(),
+                                    expected = reference_.coloredVoxels();
+    ASSERT_EQ(expected.size(), actual.size());
+    EXPECT_GT(expected.size(), 100u);
+    for (std::size_t i = 0; i < expected.size(); ++i) {
+      EXPECT_EQ(expected[i].voxel, actual[i].voxel);
+      EXPECT_TRUE(expected[i].color == actual[i].color);
+    }
+  };
+  insert(1);
+  ASSERT_TRUE(waitForMap(reference_));
+  expectColors();
+  Recorder<OctomapMessage> octomaps(node_, "octomap_full");
+  Recorder<sensor_msgs::PointCloud2> cells(node_, "occupied_cells_centers");
+  Recorder<visualization_msgs::MarkerArray> markers(node_, "occupied_cells_vis_array");
+  ASSERT_TRUE(waitFor(
+      [&] { return !octomaps.messages.empty() && !cells.messages.empty() && !markers.messages.empty(); }));
+  EXPECT_EQ("ColorOcTree", octomaps.messages.back().id);
+  EXPECT_TRUE(toOctomap(reference_, OctomapFormat::kFull).bytes == octomaps.messages.back().data);
+  EXPECT_EQ(occupiedCloud(reference_).data, cells.messages.back().data);
+  EXPECT_EQ("rgb", cells.messages.back().fields.back().name);
+  for (const auto& marker : markers.messages.back().markers)
+    for (const auto& color : marker.colors) EXPECT_NEAR(100.0, 255 * color.r, 0.1);
+
+  // A map without colours gets some from then on.
+  reference_.setColor(false);
+  reference_.save(plain);
+  reference_.setColor(true);
+  ASSERT_TRUE(callWithPath<mapping_msgs::LoadMap>("load_map", plain).success);
+  insert(2);
+  ASSERT_TRUE(waitForMap(reference_));
+  expectColors();
+}
+
+TEST_F(MappingNodelet, HasNoColoursInAWindow) {
+  const mapping_common::TempDir directory;
+  const std::string file = directory.path("colors.map");
+  setParam("color", true);
+  setParam("window/file", directory.path("map.db"));
+  const std::string why = whyNotLoaded();
+  EXPECT_NE(std::string::npos, why.find("~color is true, allowed is false with a rolling window")) << why;
+  setParam("color", false);
+  ASSERT_TRUE(load());
+  buildMap();
+  OccupancyMap colored;
+  colored.setColor(true);
+  colored.save(file);
+  EXPECT_FALSE(callWithPath<mapping_msgs::LoadMap>("load_map", file).success);
+  EXPECT_EQ(voxelsOf(reference_), voxels());
 }
 
 TEST_F(MappingNodelet, ClearsABox) {

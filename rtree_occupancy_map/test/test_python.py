@@ -139,6 +139,31 @@ class PythonTest(unittest.TestCase):
         numpy.testing.assert_allclose(sorted(cells['reflectivity']), [0.25, 0.75])
         self.assertEqual(cells['hits'].tolist(), [1, 1])
 
+    def test_colors(self):
+        room = core.OccupancyMap(resolution=0.1, color=True)
+        hits = walls(directions(0.1))
+        colors = numpy.clip(255 * (hits - LOW) / (HIGH - LOW), 0, 255).astype(numpy.uint8)
+        for _ in range(5):
+            room.insert_scan(MIDDLE, hits, colors=colors)
+        seen = room.colors_at(hits)
+        self.assertEqual((seen.dtype, seen.shape), (numpy.uint8, (len(hits), 4)))
+        self.assertGreater((abs(seen[:, :3].astype(int) - colors).max(axis=1) < 20).mean(), 0.9)
+        self.assertTrue((seen[:, 3] == 255).mean() > 0.99)
+        self.assertEqual(room.colors_at(MIDDLE).tolist(), [0, 0, 0, 0])
+        cells = room.occupied_cells()
+        self.assertEqual(cells['color'].shape, (len(cells), 4))
+        self.assertTrue((cells['color'][:, 3] == 255).all())
+        for name in ('colors.map', 'colors.ot'):
+            room.save(self.path(name))
+            again = core.OccupancyMap.load(self.path(name))
+            self.assertTrue(again.options['color'])
+            self.assertGreater((abs(again.colors_at(hits).astype(int) - seen) <= 1).mean(), 0.9)
+        with self.assertRaisesRegex(ValueError, 'rolling window'):
+            room.keep_in(self.path('colors.db'))
+        with self.assertRaisesRegex(ValueError, 'expected is'):
+            room.insert_scan(MIDDLE, hits, colors=colors[:, 0])
+        self.assertTrue((self.room.occupied_cells()['color'] == 0).all())
+
     def test_a_sensor_that_moves(self):
         hits, misses = numpy.array([[3.05, 0.05, 0.05], [3.05, 2.05, 0.05]]), numpy.array([[3.05, 4.05, 0.05]])
         street = core.OccupancyMap(resolution=0.1)

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <stdexcept>
 
@@ -63,6 +64,46 @@ TEST(CloudConversion, PrefersReflectivityToIntensity) {
                        {{1, 2, 3, 100, 0.5}}),
              Eigen::Isometry3d::Identity(), {});
   EXPECT_EQ(std::vector<float>{0.5F}, c.scan.reflectivity);
+}
+
+float asFloat(std::uint32_t bits) {
+  float value;
+  std::memcpy(&value, &bits, sizeof(value));
+  return value;
+}
+
+TEST(CloudConversion, ReadsColoursWhereTheyAreWanted) {
+  ScanLimits limits;
+  limits.color = true;
+  const std::vector<Color> expected = {{200, 10, 3}, {0, 255, 128}};
+  const auto colorsOf = [](const sensor_msgs::PointCloud2& cloud, const ScanLimits& how) {
+    return toScan(cloud, Eigen::Isometry3d::Identity(), how).scan.colors;
+  };
+  // float32 with the bits of a colour, which are no number that survives arithmetics
+  auto packed = makeCloud({{"x", F32}, {"y", F32}, {"z", F32}, {"rgb", F32}}, {{1, 2, 3, 0}, {4, 5, 6, 0}});
+  for (std::size_t i = 0; i < 2; ++i) {
+    const float value = asFloat(packedColor(expected[i]));
+    std::memcpy(&packed.data[i * packed.point_step + 12], &value, 4);
+  }
+  EXPECT_EQ(expected, colorsOf(packed, limits));
+  EXPECT_TRUE(colorsOf(packed, {}).empty());
+  packed.fields[3].name = "rgba";
+  packed.fields[3].datatype = PointField::UINT32;
+  EXPECT_EQ(expected, colorsOf(packed, limits));
+  packed.fields[3].datatype = PointField::INT16;
+  EXPECT_THROW(colorsOf(packed, limits), std::invalid_argument);
+  packed.fields[3].name = "other";
+  EXPECT_TRUE(colorsOf(packed, limits).empty());
+  const std::uint8_t U8 = PointField::UINT8;
+  EXPECT_EQ(expected,
+            colorsOf(makeCloud({{"x", F32}, {"y", F32}, {"z", F32}, {"r", U8}, {"g", U8}, {"b", U8}},
+                               {{1, 2, 3, 200, 10, 3}, {4, 5, 6, 0, 255, 128}}),
+                     limits));
+  // Returns that are left out are left out with their colours.
+  limits.max_z = 4.0;
+  packed.fields[3].name = "rgb";
+  packed.fields[3].datatype = F32;
+  EXPECT_EQ(std::vector<Color>{expected[0]}, colorsOf(packed, limits));
 }
 
 TEST(CloudConversion, ReadsOrganisedCloudsWithPaddedRows) {

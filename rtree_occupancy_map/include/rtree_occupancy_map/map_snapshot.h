@@ -5,6 +5,7 @@
 
 #include <Eigen/Core>
 #include <mutex>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -20,6 +21,10 @@ struct MapSnapshot {
   struct BlockCells {
     Block block;
     std::vector<Cell> cells;
+    BlockColors colors{};
+
+    /// As OccupancyMap::colorOf.
+    std::optional<Color> colorOf(const VoxelBox& box) const;
   };
 
   /// Of the whole map.
@@ -37,6 +42,7 @@ struct MapSnapshot {
   }
   Eigen::Vector3d center(const VoxelBox& b) const { return 0.5 * (minCorner(b) + maxCorner(b)); }
 
+  bool colored;       ///< Options::color
   double resolution;  ///< m
   float occupied_log_odds;
   std::vector<BlockCells> blocks;  ///< sorted

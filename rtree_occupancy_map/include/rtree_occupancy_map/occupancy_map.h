@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "rtree_occupancy_map/cell.h"
+#include "rtree_occupancy_map/color.h"
 #include "rtree_occupancy_map/options.h"
 #include "rtree_occupancy_map/rtree.h"
 #include "rtree_occupancy_map/scan.h"
@@ -45,7 +46,7 @@ struct InsertReport {
   std::size_t too_near = 0;           ///< points left out: nearer than min_range
   std::size_t beyond_range = 0;       ///< points cut at max_range
   std::size_t outside = 0;            ///< points left out: outside of the voxel coordinates
-  std::vector<Block> changed_blocks;  ///< whose cells were written anew
+  std::vector<Block> changed_blocks;  ///< whose cells or colours are others
   std::string window_error;           ///< why more than the rolling window stays in memory; mostly empty
 };
 
@@ -100,10 +101,14 @@ class OccupancyMap {
   /// @throws std::invalid_argument that names the option, its value and what is allowed
   void setRange(double min_range, double max_range);
 
+  /// Changes Options::color: from now on there are colours, or those there are are forgotten.
+  /// @throws std::invalid_argument of a map in a rolling window, which has none
+  void setColor(bool color);
+
   /// Updates every voxel that the scan touches once (Eq. 2.7), an end point before a crossing beam, and
   /// fuses. Beams run to the centre of the voxel that they end in, to each voxel the first.
   /// @throws std::invalid_argument if an origin is non-finite or outside of the map's coordinates, or if
-  ///   reflectivities or origins don't match the hits or misses in number; the map is then unchanged
+  ///   reflectivities, colours or origins don't match the hits or misses in number; the map is then unchanged
   InsertReport insertScan(const Scan& scan);
 
   void clear();
@@ -173,6 +178,19 @@ class OccupancyMap {
   /// The k occupied cells nearest to a point (m), by distance to the cuboid, nearest first.
   std::vector<Cell> nearestOccupied(const Eigen::Vector3d& point, std::size_t k) const;
 
+  // ---- colours of occupied voxels, with Options::color; without, there are none ------------------
+
+  /// Of a cell of this map: the mean over its voxels that have one.
+  std::optional<Color> colorOf(const Cell& cell) const;
+  /// Of the voxel at a point (m).
+  std::optional<Color> colorAt(const Eigen::Vector3d& point) const;
+  /// Of a block's voxels; nullptr where none has one. Valid until the map changes.
+  const BlockColors* colorsIn(const Block& block) const;
+  /// All there are, block by block.
+  std::vector<ColoredVoxel> coloredVoxels() const;
+  /// Adds returns to the means of those voxels that are occupied. @param colors in any order
+  void addColors(const std::vector<ColoredVoxel>& colors);
+
   /// Visits all cells.
   Statistics statistics() const;
 
@@ -200,7 +218,8 @@ class OccupancyMap {
   // ---- files ------------------------------------------------------------------------------------
 
   /// Writes to a temporary name beside `path` and renames. A path that ends in .db becomes a store, see
-  /// below, which must not be open. @throws std::runtime_error with the reason
+  /// below, which must not be open, and can't be of a map with colours.
+  /// @throws std::runtime_error with the reason
   void save(const std::string& path) const;
   /// @throws std::runtime_error that says what is wrong with the file: foreign, another version, truncated,
   /// corrupted. Of a store cells are read when they are needed; what changes stays in memory.
@@ -224,6 +243,7 @@ class OccupancyMap {
   /// Goes on with the map of a store that there is.
   static OccupancyMap open(const WindowOptions& window, const Options& machine = {});
   /// Moves the map to a new store, in place of any of that name.
+  /// @throws std::invalid_argument of a map with colours, which stores don't have
   void keepIn(const WindowOptions& window);
   /// Writes what the store has not got yet, as the destructor does, which says nothing of errors.
   void flush();
@@ -240,6 +260,8 @@ class OccupancyMap {
   void check(const Scan& scan) const;
   void flushQuietly() noexcept;
   void rasterize(const Scan& scan, InsertReport& report);
+  // The voxel that a point is in, kMaxVoxel where that isn't in the map's coordinates.
+  Voxel voxelAt(const Eigen::Vector3d& point) const;
   // The tree with the cells of those blocks up to date that overlap the region, or whose boxes pass
   // asked_for.
   const RTree& treeWithin(const VoxelBox& region) const;

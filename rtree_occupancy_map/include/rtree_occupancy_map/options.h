@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <limits>
 #include <string>
+#include <vector>
 
 #include "rtree_occupancy_map/rtree.h"
 
@@ -55,6 +56,7 @@ struct Options {
   std::uint64_t seed = 1;
   bool dynamic = true;
   bool reflectivity = false;
+  bool color = false;
   double decay_time = 0.0;  ///< s, 0: none
   int threads = 0;
   double working_set_memory = 64.0;  ///< MiB
@@ -64,6 +66,9 @@ struct Options {
     o("resolution", resolution, "m", "edge of a voxel, the smallest cell").above(0.0).below(1e6);
     o("reflectivity", reflectivity, "",
       "true: cells carry the mean reflectivity of their returns, for 8 bytes a cell");
+    o("color", color, "",
+      "true: occupied voxels carry the mean colour of their returns, of clouds that have rgb or rgba, for 18 "
+      "bytes a voxel; not with a rolling window");
     o("dynamic", dynamic, "",
       "true: what moved away is cleared; false: what has reached a clamping threshold is no longer updated, "
       "as in the "
@@ -131,8 +136,13 @@ struct Options {
   }
 };
 
-/// Whether maps mean the same: all but what a machine settles (threads, working_set_memory, decay_time), the
-/// limits of the range and the seed, which only count for scans to come, and the R-tree's own options.
+/// Those that files have: without color, which came later, where it is false, so that nothing changes for who
+/// doesn't use it. @param options that outlive them
+std::vector<mapping_common::Option> optionsInFiles(Options& options);
+
+/// Whether maps mean the same: all but what a machine settles (threads, working_set_memory, decay_time),
+/// colours, the limits of the range and the seed, which only count for scans to come, and the R-tree's own
+/// options.
 /// @throws std::invalid_argument that names the first option that differs, and both values
 void requireLike(const Options& options, const Options& expected);
 

@@ -7,6 +7,8 @@
 #include <utility>
 #include <vector>
 
+#include "rtree_occupancy_map/color.h"
+
 namespace rtree_occupancy_map {
 
 /// One scan in the map frame, metres.
@@ -15,6 +17,7 @@ struct Scan {
   Eigen::Vector3f origin = Eigen::Vector3f::Zero();  ///< where the beams start
   std::vector<Eigen::Vector3f> hits;  ///< where they were reflected; non-finite points are counted, not used
   std::vector<float> reflectivity;    ///< empty, or one value for each hit
+  std::vector<Color> colors;          ///< the same
   std::vector<Eigen::Vector3f> misses;  ///< ends of beams without a return: they only clear
   /// Of a sensor that moved meanwhile: empty, or where the beam to each hit and to each miss starts. The
   /// fewer different ones follow each other, the better.
@@ -38,12 +41,14 @@ std::size_t removeHits(const IsMeant& is_meant, Scan& scan) {
     if (is_meant(scan.hits[i])) continue;
     scan.hits[kept] = scan.hits[i];
     if (!scan.reflectivity.empty()) scan.reflectivity[kept] = scan.reflectivity[i];
+    if (!scan.colors.empty()) scan.colors[kept] = scan.colors[i];
     if (!scan.hit_origins.empty()) scan.hit_origins[kept] = scan.hit_origins[i];
     ++kept;
   }
   const std::size_t removed = scan.hits.size() - kept;
   scan.hits.resize(kept);
   if (!scan.reflectivity.empty()) scan.reflectivity.resize(kept);
+  if (!scan.colors.empty()) scan.colors.resize(kept);
   if (!scan.hit_origins.empty()) scan.hit_origins.resize(kept);
   return removed;
 }

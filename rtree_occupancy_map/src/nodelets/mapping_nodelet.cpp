@@ -124,6 +124,7 @@ class MappingNodelet : public mapping_common::Nodelet {
 
   void startWindow();
   void replace(OccupancyMap&& map);
+  ScanLimits scanLimits() const;
   CorrectedMaps::Prepare beginToCorrect(const CorrectedMaps::Map& corrected);
   std::string correct(OccupancyMap&& map, const CorrectedMaps::Map& corrected, double until);
   std::string load(const std::string& path);
@@ -148,6 +149,7 @@ class MappingNodelet : public mapping_common::Nodelet {
   std::unique_ptr<CorrectedMaps> corrected_maps_;
   RecentScans recent_scans_;
   std::size_t map_number_ = 0;  // of maps that were loaded, or begun anew
+  bool colored_ = false;        // whether the map has colours
 
   ros::WallTimer publish_timer_, flush_timer_;
   std::mutex publications_mutex_;
@@ -180,6 +182,7 @@ void MappingNodelet::start(mapping_common::Parameters& reader) {
   formatOf(parameters_.save_on_shutdown);
   robot_body_ = parseRobotBody(parameters_.robot_body);
   map_([this](OccupancyMap& map) { map = OccupancyMap(parameters_.map); });
+  colored_ = parameters_.map.color;
   startWindow();
   if (!parameters_.map_file.empty()) NODELET_INFO_STREAM(load(parameters_.map_file));
   guarded_publishing_ = std::make_unique<mapping_common::GuardedQueue>(publishing_, guard());
@@ -313,7 +316,7 @@ SensorPath MappingNodelet::pathOf(const std::string& frame, const ros::Time& sta
 ConvertedScan MappingNodelet::convert(const sensor_msgs::PointCloud2& cloud,
                                       const mapping_common::Arrivals::Transforms& transforms) const {
   if (!parameters_.undistort) {
-    ConvertedScan converted = toScan(cloud, transforms.message, parameters_.scan);
+    ConvertedScan converted = toScan(cloud, transforms.message, scanLimits());
     if (transforms.other) converted.scan.origin = transforms.other->translation().cast<float>();
     return converted;
   }
@@ -321,7 +324,13 @@ ConvertedScan MappingNodelet::convert(const sensor_msgs::PointCloud2& cloud,
   const SensorPath path = pathOf(cloud.header.frame_id, cloud.header.stamp, times);
   const SensorPath origin =
       transforms.other ? pathOf(parameters_.sensor_frame_id, cloud.header.stamp, times) : path;
-  return toScan(cloud, path, origin, parameters_.scan);
+  return toScan(cloud, path, origin, scanLimits());
+}
+
+ScanLimits MappingNodelet::scanLimits() const {
+  ScanLimits limits = parameters_.scan;
+  limits.color = colored_;
+  return limits;
 }
 
 ConvertedScan MappingNodelet::convert(const sensor_msgs::LaserScan& scan,
@@ -340,6 +349,11 @@ void MappingNodelet::insert(const Message& message, const mapping_common::Arriva
   ConvertedScan converted = convert(message, transforms);
   Scan& scan = converted.scan;
   scan.time = message.header.stamp.toSec();
+  if (is_cloud<Message> && colored_ && scan.colors.empty() && !scan.hits.empty()) {
+    NODELET_WARN_STREAM_ONCE("~color is true, but clouds of " << message.header.frame_id
+                                                              << " have no field rgb or rgba: what they "
+                                                                 "occupy gets no colour");
+  }
   leaveOutBody(message.header.stamp, scan);
   if (is_cloud<Message> && parameters_.filter_ground) filterGround(message.header.stamp, scan);
   double time = 0.0;
@@ -496,6 +510,7 @@ std::string MappingNodelet::load(const std::string& path) {
     throw std::invalid_argument(path + " is ~window/file, which holds the map already");
   OccupancyMap map = readMap(path, parameters_.map, parameters_.other_resolution);
   map.setRange(parameters_.map.min_range, parameters_.map.max_range);
+  if (parameters_.map.color) map.setColor(true);
   std::ostringstream text;
   text << "Read " << map.size() << " cells of a map of " << map.options().resolution << " m from " << path
        << ". What it was built with replaces the parameters";
@@ -518,6 +533,7 @@ void MappingNodelet::replace(OccupancyMap&& map) {
       }
     }
     current = std::move(map);
+    colored_ = current.options().color;
   });
 }
 

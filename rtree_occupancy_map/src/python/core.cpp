@@ -5,6 +5,7 @@
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <optional>
@@ -31,6 +32,8 @@ struct CellRow {
   float log_odds, reflectivity;
   std::uint32_t hits;
   std::uint32_t occupied;
+  std::uint8_t color[4];  // RGBA
+  std::uint32_t padding;  // no field
 };
 struct RayRow {
   double point[3], distance;
@@ -39,6 +42,7 @@ struct RayRow {
 };
 
 using Doubles = py::array_t<double, py::array::c_style | py::array::forcecast>;
+using Bytes = py::array_t<std::uint8_t, py::array::c_style | py::array::forcecast>;
 using Floats = py::array_t<float, py::array::c_style | py::array::forcecast>;
 
 [[noreturn]] void rejectShape(const std::string& name, const py::array& array, const std::string& expected) {
@@ -74,6 +78,16 @@ std::vector<Eigen::Vector3f> toPoints(const std::string& name, const Floats& arr
   return points;
 }
 
+std::vector<Color> toColors(const std::string& name, const Bytes& array) {
+  if (array.size() == 0) return {};
+  if (array.ndim() != 2 || array.shape(1) != 3) rejectShape(name, array, "(N, 3)");
+  std::vector<Color> colors;
+  colors.reserve(static_cast<std::size_t>(array.shape(0)));
+  const std::uint8_t* end = array.data() + array.size();
+  for (const std::uint8_t* c = array.data(); c != end; c += 3) colors.push_back({c[0], c[1], c[2]});
+  return colors;
+}
+
 template <class T>
 py::array_t<T> toArray(const std::vector<T>& values) {
   return py::array_t<T>(values.size(), values.data());
@@ -81,6 +95,11 @@ py::array_t<T> toArray(const std::vector<T>& values) {
 
 py::array_t<double> toArray(const Eigen::Vector3d& v) {
   return py::array_t<double>(3, v.data());
+}
+
+void setColor(const Color& color, std::uint8_t* rgba) {
+  std::copy(color.begin(), color.end(), rgba);
+  rgba[3] = 255;
 }
 
 CellRow toRow(const OccupancyMap& map, const Cell& cell) {
@@ -94,6 +113,7 @@ CellRow toRow(const OccupancyMap& map, const Cell& cell) {
   row.reflectivity = cell.reflectivity.mean;
   row.hits = cell.reflectivity.hits;
   row.occupied = map.isOccupied(cell);
+  if (const std::optional<Color> color = map.colorOf(cell)) setColor(*color, row.color);
   return row;
 }
 
@@ -174,7 +194,7 @@ WindowOptions windowOf(const std::string& file, double distance, double memory) 
 
 py::dict insertScan(OccupancyMap& map, const Doubles& origin, const Floats& hits, const Floats& misses,
                     const Floats& reflectivity, double time, const Floats& hit_origins,
-                    const Floats& miss_origins) {
+                    const Floats& miss_origins, const Bytes& colors) {
   Scan scan;
   scan.time = time;
   scan.origin = toVector("origin", origin).cast<float>();
@@ -183,6 +203,7 @@ py::dict insertScan(OccupancyMap& map, const Doubles& origin, const Floats& hits
   scan.hit_origins = toPoints("hit_origins", hit_origins);
   scan.miss_origins = toPoints("miss_origins", miss_origins);
   if (reflectivity.ndim() != 1) rejectShape("reflectivity", reflectivity, "(N,)");
+  scan.colors = toColors("colors", colors);
   scan.reflectivity.assign(reflectivity.data(), reflectivity.data() + reflectivity.size());
   const InsertReport report = map.insertScan(scan);
   using namespace py::literals;
@@ -277,13 +298,14 @@ says. Arrays of other numbers are converted. Cells come as structured arrays of 
   reflectivity  (N,) float32: mean of the returns, NaN where there are none
   hits          (N,) uint32: returns that it is the mean of
   occupied      (N,) uint32: 1 or 0
+  color         (N, 4) uint8: mean red, green, blue over the voxels, and 255; all 0 where there is none
 so that cells['max'] - cells['min'] are their sizes. What can't be done raises ValueError (arguments) or RuntimeError
 (files) with the reason. A map may be used by one thread at a time.)";
 
 }  // namespace
 
 PYBIND11_MODULE(core, module) {
-  PYBIND11_NUMPY_DTYPE(CellRow, min, max, log_odds, reflectivity, hits, occupied);
+  PYBIND11_NUMPY_DTYPE(CellRow, min, max, log_odds, reflectivity, hits, occupied, color);
   PYBIND11_NUMPY_DTYPE(RayRow, point, distance, log_odds, result);
   module.doc() = kModule;
   module.attr("UNKNOWN") = static_cast<int>(VoxelState::kUnknown);
@@ -329,20 +351,23 @@ PYBIND11_MODULE(core, module) {
       .def_property_readonly(
           "resolution", [](const OccupancyMap& map) { return map.options().resolution; },
           "m, edge of a voxel, the smallest cell.")
-      .def("insert_scan", &insertScan, py::arg("origin"), py::arg("hits"), py::arg("misses") = Floats(0),
-           py::arg("reflectivity") = Floats(0), py::arg("time") = 0.0, py::arg("hit_origins") = Floats(0),
-           py::arg("miss_origins") = Floats(0),
-           "Updates every voxel that a scan touches once.\n\n"
-           "origin: (3,), where the beams start. hits: (N, 3), where they were reflected. misses: (M, 3), "
-           "ends of\n"
-           "beams without a return, which only clear. reflectivity: (N,), if the map has option "
-           "reflectivity.\n"
-           "time: s, when it was measured, for option decay_time. hit_origins, miss_origins: (N, 3), (M, 3), "
-           "of a\n"
-           "sensor that moved meanwhile: where the beam to each starts, instead of at origin.\n"
-           "Returns a dict with how many hits were mapped, and left out and why, and of changed blocks of "
-           "32^3 "
-           "voxels.")
+      .def(
+          "insert_scan", &insertScan, py::arg("origin"), py::arg("hits"), py::arg("misses") = Floats(0),
+          py::arg("reflectivity") = Floats(0), py::arg("time") = 0.0, py::arg("hit_origins") = Floats(0),
+          py::arg("miss_origins") = Floats(0), py::arg("colors") = Bytes(0),
+          "Updates every voxel that a scan touches once.\n\n"
+          "origin: (3,), where the beams start. hits: (N, 3), where they were reflected. misses: (M, 3), "
+          "ends of\n"
+          "beams without a return, which only clear. reflectivity: (N,), if the map has option "
+          "reflectivity.\n"
+          "time: s, when it was measured, for option decay_time. hit_origins, miss_origins: (N, 3), (M, 3), "
+          "of a\n"
+          "sensor that moved meanwhile: where the beam to each starts, instead of at origin. colors: (N, 3), "
+          "red,\n"
+          "green, blue, 0 to 255, if the map has option color.\n"
+          "Returns a dict with how many hits were mapped, and left out and why, and of changed blocks of "
+          "32^3 "
+          "voxels.")
       .def("set_range", &OccupancyMap::setRange, py::arg("min_range"), py::arg("max_range"),
            "Changes the options sensor_model/min_range and max_range (m) for the scans to come.")
       .def(
@@ -402,6 +427,23 @@ PYBIND11_MODULE(core, module) {
           },
           py::arg("points"),
           "Log odds at points (N, 3): (N,) float32, NaN where space is unknown; at one point (3,): a float.")
+      .def(
+          "colors_at",
+          [](const OccupancyMap& map, const Doubles& points) {
+            const std::size_t count = rowsOf("points", points);
+            py::array_t<std::uint8_t> colors({count, std::size_t{4}});
+            std::fill(colors.mutable_data(), colors.mutable_data() + colors.size(), std::uint8_t{0});
+            for (std::size_t i = 0; i < count; ++i) {
+              if (const auto color = map.colorAt(rowOf(points, i)))
+                setColor(*color, colors.mutable_data() + 4 * i);
+            }
+            return points.ndim() == 1 ? py::object(colors[py::int_(0)]) : py::object(colors);
+          },
+          py::arg("points"),
+          "Mean colours of the voxels at points (N, 3): (N, 4) uint8, red, green, blue and 255, or all 0 "
+          "where "
+          "there\n"
+          "is none; at one point (3,): (4,).")
       .def("cells_in_box", &cellsInBox, py::arg("min"), py::arg("max"), py::arg("occupied_only") = false,
            "The cells that overlap a box. min, max: (3,); infinite ones reach to the map's ends.")
       .def("occupied_cells", &occupiedCells, "All occupied cells. Free ones aren't touched.")

@@ -4,6 +4,7 @@
 #include <sensor_msgs/PointField.h>
 
 #include <array>
+#include <string_view>
 #include <utility>
 
 namespace rtree_occupancy_map {
@@ -49,8 +50,8 @@ namespace {
 
 using Point = std::array<float, 8>;
 
-void append(const MapSnapshot& map, const std::vector<Cell>& cells, std::vector<std::uint8_t>& data) {
-  for (const Cell& cell : cells) {
+void append(const MapSnapshot& map, const MapSnapshot::BlockCells& block, std::vector<std::uint8_t>& data) {
+  for (const Cell& cell : block.cells) {
     if (!map.isOccupied(cell)) continue;
     const Eigen::Vector3f center = map.center(cell.box).cast<float>();
     const Eigen::Vector3f size = (map.maxCorner(cell.box) - map.minCorner(cell.box)).cast<float>();
@@ -64,12 +65,18 @@ void append(const MapSnapshot& map, const std::vector<Cell>& cells, std::vector<
                          cell.reflectivity.mean};
     const auto* bytes = reinterpret_cast<const std::uint8_t*>(point.data());
     data.insert(data.end(), bytes, bytes + sizeof(point));
+    if (!map.colored) continue;
+    const std::uint32_t color = packedColor(block.colorOf(cell.box).value_or(kNoColor));
+    const auto* packed = reinterpret_cast<const std::uint8_t*>(&color);
+    data.insert(data.end(), packed, packed + sizeof(color));
   }
 }
 
-sensor_msgs::PointCloud2 cloudOf(std::vector<std::uint8_t> data) {
+sensor_msgs::PointCloud2 cloudOf(std::vector<std::uint8_t> data, bool colored) {
   sensor_msgs::PointCloud2 cloud;
-  for (const char* name : {"x", "y", "z", "size_x", "size_y", "size_z", "probability", "reflectivity"}) {
+  for (const char* name :
+       {"x", "y", "z", "size_x", "size_y", "size_z", "probability", "reflectivity", "rgb"}) {
+    if (!colored && std::string_view(name) == "rgb") continue;
     sensor_msgs::PointField field;
     field.name = name;
     field.offset = cloud.point_step;
@@ -90,16 +97,17 @@ sensor_msgs::PointCloud2 cloudOf(std::vector<std::uint8_t> data) {
 
 sensor_msgs::PointCloud2 occupiedCloud(const MapSnapshot& map) {
   std::vector<std::uint8_t> data;
-  for (const auto& [block, cells] : map.blocks) append(map, cells, data);
-  return cloudOf(std::move(data));
+  for (const MapSnapshot::BlockCells& block : map.blocks) append(map, block, data);
+  return cloudOf(std::move(data), map.colored);
 }
 
 void OccupiedCloud::update(const MapSnapshot& changed) {
-  for (const auto& [block, cells] : changed.blocks) {
-    std::vector<std::uint8_t>& data = blocks_[block];
+  colored_ = changed.colored;
+  for (const MapSnapshot::BlockCells& block : changed.blocks) {
+    std::vector<std::uint8_t>& data = blocks_[block.block];
     data.clear();
-    append(changed, cells, data);
-    if (data.empty()) blocks_.erase(block);
+    append(changed, block, data);
+    if (data.empty()) blocks_.erase(block.block);
   }
 }
 
@@ -109,7 +117,7 @@ sensor_msgs::PointCloud2 OccupiedCloud::cloud() const {
   std::vector<std::uint8_t> data;
   data.reserve(size);
   for (const auto& [block, points] : blocks_) data.insert(data.end(), points.begin(), points.end());
-  return cloudOf(std::move(data));
+  return cloudOf(std::move(data), colored_);
 }
 
 }  // namespace rtree_occupancy_map

@@ -16,9 +16,10 @@ Eigen::Isometry3d correctedMotion(const mapping_common::CorrectedMaps::Map& corr
 
 void keep(Scan&& scan, RecentScans& recent) {
   const double stamp = scan.time;
-  const std::size_t bytes = sizeof(Scan) + sizeof(float) * scan.reflectivity.size() +
-                            sizeof(Eigen::Vector3f) * (scan.hits.size() + scan.misses.size() +
-                                                       scan.hit_origins.size() + scan.miss_origins.size());
+  const std::size_t bytes =
+      sizeof(Scan) + sizeof(float) * scan.reflectivity.size() + sizeof(Color) * scan.colors.size() +
+      sizeof(Eigen::Vector3f) *
+          (scan.hits.size() + scan.misses.size() + scan.hit_origins.size() + scan.miss_origins.size());
   recent.add(stamp, bytes, {recent.keeps() ? std::make_shared<const Scan>(std::move(scan)) : nullptr});
 }
 
@@ -26,6 +27,7 @@ OccupancyMap readCorrected(const mapping_common::CorrectedMaps::Map& corrected, 
   OccupancyMap map = OccupancyMap::fromBytes(corrected.begin, corrected.end, "its data", options);
   requireLike(map.options(), options);
   map.setRange(options.min_range, options.max_range);
+  map.setColor(options.color);
   return map;
 }
 

@@ -61,6 +61,17 @@ std::string writeProjection(const OccupancyMap& map, const std::string& path, co
   return text.str();
 }
 
+// Of a map that is to be read. @throws std::runtime_error of one that can't be
+bool isOctomap(const std::string& path) {
+  const std::string ending = endingOf(path);
+  if (ending == ".pcd" || ending == ".pgm" || ending == ".yaml") {
+    throw std::runtime_error(path +
+                             " was not loaded: such files don't tell what is free in three dimensions; "
+                             "allowed are those of the R-tree map, and .bt and .ot of OctoMap");
+  }
+  return ending == ".bt" || ending == ".ot";
+}
+
 }  // namespace
 
 MapFormat formatOf(const std::string& path) {
@@ -95,15 +106,12 @@ std::string writeMap(const OccupancyMap& map, const std::string& path, const Dis
   return "Wrote " + what + " to " + path;
 }
 
+OccupancyMap readMap(const std::string& path) {
+  return isOctomap(path) ? readOctomap(path) : OccupancyMap::load(path);
+}
+
 OccupancyMap readMap(const std::string& path, const Options& options, OtherResolution other) {
-  const std::string ending = endingOf(path);
-  if (ending == ".pcd" || ending == ".pgm" || ending == ".yaml") {
-    throw std::runtime_error(path +
-                             " was not loaded: such files don't tell what is free in three dimensions; "
-                             "allowed are those of the R-tree map, and .bt and .ot of OctoMap");
-  }
-  OccupancyMap map =
-      ending == ".bt" || ending == ".ot" ? readOctomap(path, options) : OccupancyMap::load(path, options);
+  OccupancyMap map = isOctomap(path) ? readOctomap(path, options) : OccupancyMap::load(path, options);
   const double resolution = map.options().resolution;
   if (other == OtherResolution::kAdopt || std::abs(resolution - options.resolution) < 1e-6 * resolution)
     return map;

@@ -14,12 +14,18 @@ namespace {
 
 constexpr float kFreeAlpha = 0.1F;
 
-std_msgs::ColorRGBA colorOf(const MapSnapshot& map, const Cell& cell, const ColorScale& scale) {
+std_msgs::ColorRGBA colorOf(const MapSnapshot& map, const MapSnapshot::BlockCells& block, const Cell& cell,
+                            const ColorScale& scale) {
   std_msgs::ColorRGBA color;
   const auto fraction = [&scale](double value) {
     return static_cast<float>(std::clamp((value - scale.min) / (scale.max - scale.min), 0.0, 1.0));
   };
-  if (scale.mode == ColorMode::kReflectivity) {
+  if (scale.mode == ColorMode::kColor) {
+    const Color mean = block.colorOf(cell.box).value_or(kNoColor);
+    color.r = static_cast<float>(mean[0]) / 255.0F;
+    color.g = static_cast<float>(mean[1]) / 255.0F;
+    color.b = static_cast<float>(mean[2]) / 255.0F;
+  } else if (scale.mode == ColorMode::kReflectivity) {
     if (cell.reflectivity.hits > 0) {
       color.r = color.g = color.b = fraction(cell.reflectivity.mean);
     } else {
@@ -36,6 +42,19 @@ std_msgs::ColorRGBA colorOf(const MapSnapshot& map, const Cell& cell, const Colo
   }
   color.a = map.isOccupied(cell) ? 1.0F : kFreeAlpha;
   return color;
+}
+
+// A cell taken apart.
+void addVoxels(const Cell& cell, std::vector<Cell>& voxels) {
+  Cell voxel = cell;
+  for (int x = cell.box.min[0]; x < cell.box.max[0]; ++x) {
+    for (int y = cell.box.min[1]; y < cell.box.max[1]; ++y) {
+      for (int z = cell.box.min[2]; z < cell.box.max[2]; ++z) {
+        voxel.box = VoxelBox::unit({x, y, z});
+        voxels.push_back(voxel);
+      }
+    }
+  }
 }
 
 template <class T>
@@ -83,11 +102,16 @@ visualization_msgs::MarkerArray MarkerCache::show(const MapSnapshot& map, const 
   visualization_msgs::MarkerArray out;
   std::vector<std::int32_t> freed;  // for later messages: RViz warns of an id that is twice in one
   std::map<Size, std::vector<Cell>> by_size;
-  for (const auto& [block, block_cells] : map.blocks) {
+  for (const MapSnapshot::BlockCells& block_cells : map.blocks) {
+    const Block& block = block_cells.block;
     by_size.clear();
-    for (const Cell& cell : block_cells) {
-      if (map.isOccupied(cell) == (show_ == Show::kOccupied))
+    for (const Cell& cell : block_cells.cells) {
+      if (map.isOccupied(cell) != (show_ == Show::kOccupied)) continue;
+      if (scale.mode == ColorMode::kColor && block_cells.colorOf(cell.box)) {
+        addVoxels(cell, by_size[{1, 1, 1}]);
+      } else {
         by_size[{cell.box.width(0), cell.box.width(1), cell.box.width(2)}].push_back(cell);
+      }
     }
 
     // What vanished.
@@ -107,7 +131,7 @@ visualization_msgs::MarkerArray MarkerCache::show(const MapSnapshot& map, const 
     }
     // What there is.
     for (const auto& [size, cells] : by_size) {
-      fill(map, cells, scale);
+      fill(map, block_cells, cells, scale);
       const std::size_t content = hashOf(marker_.points) ^ (3 * hashOf(marker_.colors));
       auto [shown, fresh] = shown_.insert({{block, size}, {0, content}});
       if (fresh) {
@@ -126,7 +150,8 @@ visualization_msgs::MarkerArray MarkerCache::show(const MapSnapshot& map, const 
   return out;
 }
 
-void MarkerCache::fill(const MapSnapshot& map, const std::vector<Cell>& cells, const ColorScale& scale) {
+void MarkerCache::fill(const MapSnapshot& map, const MapSnapshot::BlockCells& block,
+                       const std::vector<Cell>& cells, const ColorScale& scale) {
   const VoxelBox& box = cells.front().box;  // all are of this size
   marker_.scale.x = box.width(0) * map.resolution;
   marker_.scale.y = box.width(1) * map.resolution;
@@ -135,7 +160,7 @@ void MarkerCache::fill(const MapSnapshot& map, const std::vector<Cell>& cells, c
   marker_.colors.clear();
   for (const Cell& cell : cells) {
     marker_.points.push_back(toPoint(map.center(cell.box)));
-    marker_.colors.push_back(colorOf(map, cell, scale));
+    marker_.colors.push_back(colorOf(map, block, cell, scale));
   }
 }
 

@@ -10,7 +10,7 @@ OctomapMessage toMessage(OctomapData octree, OctomapFormat format, double resolu
   OctomapMessage message;
   message.header = header;
   message.binary = format == OctomapFormat::kBinary ? 1 : 0;
-  message.id = "OcTree";
+  message.id = octree.id();
   message.resolution = resolution;
   message.data = std::move(octree.bytes);
   return message;

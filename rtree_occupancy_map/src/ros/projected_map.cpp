@@ -121,7 +121,7 @@ void ProjectedMap::leaveOutFar(const MapSnapshot& blocks, std::vector<Column>& c
 // The median of the occupied cells. (Beams without a near end cross many blocks.)
 ProjectedMap::Column ProjectedMap::middleOf(const MapSnapshot& blocks) {
   std::array<std::vector<int>, 2> values;
-  for (const auto& [block, cells] : blocks.blocks) {
+  for (const auto& [block, cells, colors] : blocks.blocks) {
     for (const Cell& cell : cells)
       for (int i = 0; i < 2 && blocks.isOccupied(cell); ++i) values[i].push_back(block[i]);
   }

@@ -8,6 +8,8 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <cstring>
+#include <optional>
 #include <sstream>
 #include <stdexcept>
 #include <string>
@@ -25,6 +27,48 @@ constexpr std::size_t kSteps = 1024;   // of a sweep, each with its pose: 0.1 ms
 
 // ---- clouds -----------------------------------------------------------------------------------------
 
+// Reads the colours of a cloud's points, where it has some.
+class CloudColors {
+ public:
+  CloudColors() = default;
+  explicit CloudColors(const sensor_msgs::PointCloud2& cloud) {
+    using sensor_msgs::PointField;
+    for (const char* name : {"rgb", "rgba"}) {
+      const CloudField field = CloudField::find(cloud, name);
+      if (!field) continue;
+      if (field.type() != PointField::FLOAT32 && field.type() != PointField::UINT32 &&
+          field.type() != PointField::INT32)
+        throw std::invalid_argument(std::string("field ") + name +
+                                    " is neither float32 nor uint32, which have the four bytes of a colour");
+      for (const PointField& f : cloud.fields)
+        if (f.name == name) packed_at_ = f.offset;
+      return;
+    }
+    for (int i = 0; i < 3; ++i) {
+      channels_[i] = CloudField::find(cloud, std::string(1, "rgb"[i]));
+      if (!channels_[i] || channels_[i].type() != PointField::UINT8) return;
+    }
+    has_channels_ = true;
+  }
+
+  explicit operator bool() const { return packed_at_ || has_channels_; }
+  Color operator()(const std::uint8_t* point) const {
+    if (packed_at_) {
+      std::uint32_t packed;
+      std::memcpy(&packed, point + *packed_at_, sizeof(packed));
+      return unpackedColor(packed);
+    }
+    Color color;
+    for (int i = 0; i < 3; ++i) color[i] = static_cast<std::uint8_t>(channels_[i].number(point));
+    return color;
+  }
+
+ private:
+  std::optional<std::size_t> packed_at_;  // bytes from the point's first
+  std::array<CloudField, 3> channels_;
+  bool has_channels_ = false;
+};
+
 // Takes points of a cloud into a scan.
 class CloudReader {
  public:
@@ -35,10 +79,12 @@ class CloudReader {
         z_(CloudField::requireFloat(cloud, "z")),
         reflectivity_(CloudField::find(cloud, "reflectivity")) {
     if (!reflectivity_) reflectivity_ = CloudField::find(cloud, "intensity");
+    if (limits.color) colors_ = CloudColors(cloud);
     mapping_common::checkedRowStep(cloud);
     const std::size_t points = static_cast<std::size_t>(cloud.width) * cloud.height;
     converted.scan.hits.reserve(points);
     if (reflectivity_) converted.scan.reflectivity.reserve(points);
+    if (colors_) converted.scan.colors.reserve(points);
   }
 
   Eigen::Vector3f measured(const std::uint8_t* point) const { return {x_(point), y_(point), z_(point)}; }
@@ -53,6 +99,7 @@ class CloudReader {
     }
     converted.scan.hits.push_back(hit);
     if (reflectivity_) converted.scan.reflectivity.push_back(reflectivity_(point));
+    if (colors_) converted.scan.colors.push_back(colors_(point));
     return true;
   }
 
@@ -61,6 +108,7 @@ class CloudReader {
  private:
   const ScanLimits& limits_;
   CloudField x_, y_, z_, reflectivity_;
+  CloudColors colors_;
 };
 
 // When points were measured, s from the cloud's stamp on.

@@ -26,7 +26,7 @@ MapCell toMessage(const OccupancyMap& map, const Cell& cell);
 void castRay(const OccupancyMap& map, const CastRay::Request& request, CastRay::Response& response);
 
 /// A cloud of the occupied cells' centres: float32 x y z, size_x size_y size_z (m), probability, reflectivity
-/// (NaN without). The header is left to the caller.
+/// (NaN without), and of a map with colours rgb (white without). The header is left to the caller.
 sensor_msgs::PointCloud2 occupiedCloud(const MapSnapshot& map);
 
 /// The same cloud of a map that changes: only blocks that changed are converted.
@@ -37,6 +37,7 @@ class OccupiedCloud {
   void clear() { blocks_.clear(); }
 
  private:
+  bool colored_ = false;
   std::map<Block, std::vector<std::uint8_t>> blocks_;  // the data of their points
 };
 

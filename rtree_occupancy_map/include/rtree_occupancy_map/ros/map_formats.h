@@ -33,9 +33,11 @@ constexpr auto choicesOf(OtherResolution) {
 
 /// Of .bt and .ot, those of OctoMap; of others, that of this package.
 /// @param options of which OctoMap's files take all but the resolution, others what a file doesn't settle
+/// (without: the defaults, and the colours of a ColorOcTree)
 /// @param other what is done if the resolution isn't that of the options
 /// @throws std::runtime_error that names the file and says what is wrong with it
-OccupancyMap readMap(const std::string& path, const Options& options = {},
+OccupancyMap readMap(const std::string& path);
+OccupancyMap readMap(const std::string& path, const Options& options,
                      OtherResolution other = OtherResolution::kAdopt);
 
 }  // namespace rtree_occupancy_map

@@ -15,11 +15,14 @@
 
 namespace rtree_occupancy_map {
 
-enum class ColorMode { kHeight, kOccupancy, kReflectivity };
+enum class ColorMode { kHeight, kOccupancy, kReflectivity, kColor };
 constexpr auto choicesOf(ColorMode) {
   return mapping_common::choices<ColorMode>({{"height", ColorMode::kHeight, "of the cell's centre"},
                                              {"occupancy", ColorMode::kOccupancy, "the probability"},
-                                             {"reflectivity", ColorMode::kReflectivity, "the mean"}});
+                                             {"reflectivity", ColorMode::kReflectivity, "the mean"},
+                                             {"color", ColorMode::kColor,
+                                              "the mean, of a map with color: true; occupied cells are shown "
+                                              "voxel by voxel, those without a colour white"}});
 }
 
 /// What the colours of cells stand for. Height and occupancy run from blue to red, reflectivity from black to
@@ -56,7 +59,8 @@ class MarkerCache {
   };
 
   visualization_msgs::MarkerArray show(const MapSnapshot& map, const ColorScale& scale, bool unchanged_too);
-  void fill(const MapSnapshot& map, const std::vector<Cell>& cells, const ColorScale& scale);
+  void fill(const MapSnapshot& map, const MapSnapshot::BlockCells& block, const std::vector<Cell>& cells,
+            const ColorScale& scale);
 
   Show show_;
   visualization_msgs::Marker marker_;  // filled anew for each

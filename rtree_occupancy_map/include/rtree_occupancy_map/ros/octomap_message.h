@@ -19,7 +19,7 @@ namespace rtree_occupancy_map {
 struct OctomapMessage {
   std_msgs::Header header;
   std::uint8_t binary = 0;  ///< bool: whether data is that of a .bt file, otherwise that of an .ot file
-  std::string id;           ///< "OcTree"
+  std::string id;           ///< "OcTree", "ColorOcTree"
   double resolution = 0.0;  ///< m
   std::string data;         ///< int8[], which has the bytes of a string
 };

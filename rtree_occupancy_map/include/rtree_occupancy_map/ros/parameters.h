@@ -57,6 +57,7 @@ struct MappingParameters {
       "the "
       "nodelet is killed; 0: not before it leaves the memory, or the end")
         .within(0.0, 1e6);
+    o.require(!map.color || window.file.empty(), "color", "false with a rolling window, window/file");
     o.section("the input");
     o("cloud_topics", cloud_topics, "",
       "of point clouds, any number with spaces between them, or a list; each sensor has its own frame, and "

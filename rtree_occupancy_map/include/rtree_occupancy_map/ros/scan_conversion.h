@@ -20,6 +20,7 @@ struct ScanLimits {
   double min_z = -std::numeric_limits<double>::infinity();
   double max_z = std::numeric_limits<double>::infinity();
   bool no_return_clears = true;
+  bool color = false;  ///< of clouds: read their colours; not described, as the map's options say it
 
   void describe(mapping_common::OptionList& o) {
     o("pointcloud_min_z", min_z, "m",
@@ -41,7 +42,9 @@ struct ConvertedScan {
 };
 
 /// Points from the fields x y z (float32 or float64), reflectivity from the field `reflectivity`, or else
-/// `intensity`, of any numeric type. Other fields are ignored; the cloud may be organised.
+/// `intensity`, of any numeric type. Where limits.color says so, colours from `rgb` or `rgba`, four bytes as
+/// PCL has them, or from `r`, `g` and `b` of a byte each. Other fields are ignored; the cloud may be
+/// organised.
 /// @throws std::invalid_argument that says what is malformed
 ConvertedScan toScan(const sensor_msgs::PointCloud2& cloud, const Eigen::Isometry3d& sensor_in_map,
                      const ScanLimits& limits);
