@@ -38,9 +38,9 @@ class MapCorrection : public mapping_common::NodeletTest, protected RoomDrive {
     setParam("map_update_period", 0.0);
   }
   void start() {
-    ASSERT_TRUE(NodeletTest::load() && waitForNode());
+    ASSERT_TRUE(NodeletTest::load() && waitForNode() && mapping_common::waitForLink(tf_));
     ASSERT_TRUE(waitFor([this] { return corrected_.getNumSubscribers() > 0; }));
-    spinFor(0.3);  // until it knows of the publisher
+    ASSERT_TRUE(mapping_common::waitForLink(corrected_));
   }
 
   // Of the scans up to one, at the corrected poses that they had.
@@ -149,6 +149,15 @@ TEST_F(MapCorrection, OthersAreRefusedAndTheMapStays) {
   message.correction.orientation.w = 3.0;
   expectRefused(message);
   message = good;
+  message.correction.position.y = 1e300;
+  expectRefused(message);
+  message = good;
+  message.header.stamp = ros::Time(4294967295U, 999999999U);
+  expectRefused(message);
+  message = good;
+  message.corrected_from = ros::Time(4294967295U, 0);
+  expectRefused(message);
+  message = good;
   message.data.resize(message.data.size() / 2);
   expectRefused(message);
   message.data.assign(1000, 'x');
@@ -166,15 +175,12 @@ TEST_F(MapCorrection, OthersAreRefusedAndTheMapStays) {
 
 TEST_F(MapCorrection, WhatFellOutIsSaid) {
   setParam("corrected_map_memory", 0.02);  // about five scans
-  Recorder<rosgraph_msgs::Log> log(node_, "/rosout");
+  mapping_common::LogRecorder log(node_);
   start();
+  ASSERT_TRUE(log.waitForLink());
   ASSERT_TRUE(drive(0, 30));
   corrected_.publish(messageOf(mapOf(kLast)));
-  EXPECT_TRUE(waitFor([&] {
-    return std::any_of(log.messages.begin(), log.messages.end(), [](const auto& m) {
-      return m.msg.find("corrected map lacks scans") != std::string::npos;
-    });
-  }));
+  EXPECT_TRUE(log.waitFor("corrected map lacks scans"));
   ASSERT_TRUE(drive(30, 32));
 }
 

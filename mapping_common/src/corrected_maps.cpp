@@ -7,9 +7,11 @@
 #include <cmath>
 #include <exception>
 #include <limits>
+#include <sstream>
 #include <stdexcept>
 #include <utility>
 
+#include "mapping_common/stamps.h"
 #include "mapping_common/transform_queue.h"
 
 namespace mapping_common {
@@ -17,6 +19,7 @@ namespace {
 
 constexpr double kPollPeriod = 0.05;     // s
 constexpr std::size_t kMostWaiting = 4;  // maps, which may be large
+constexpr double kFarthest = 1e6;        // m that a correction may move a map
 
 }  // namespace
 
@@ -60,6 +63,14 @@ CorrectedMaps::Map CorrectedMaps::read(const mapping_msgs::CorrectedMap& message
       !(std::abs(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w - 1.0) < 1e-3))
     throw std::invalid_argument(
         "its correction is no pose: it isn't finite, or its quaternion not of length 1");
+  if (!(map.correction.translation().norm() <= kFarthest)) {
+    std::ostringstream text;
+    text << "its correction is by " << map.correction.translation().norm() << " m, allowed is up to "
+         << kFarthest << " m";
+    throw std::invalid_argument(text.str());
+  }
+  Stamps::require(message.header.stamp, "its stamp");
+  Stamps::require(message.corrected_from, "its corrected_from");
   map.stamp = message.header.stamp.toSec();
   map.corrected_from = message.corrected_from.isZero() ? std::numeric_limits<double>::infinity()
                                                        : message.corrected_from.toSec();

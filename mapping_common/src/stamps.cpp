@@ -14,8 +14,7 @@ constexpr std::size_t kMostSensors = 1000;  // where each message has another fr
 }  // namespace
 
 Stamps::Order Stamps::check(const std::string& sensor, const ros::Time& stamp) {
-  if (stamp.sec > kLastSecond)
-    throw std::invalid_argument("its stamp is " + std::to_string(stamp.sec) + " s, after 2038");
+  require(stamp, "its stamp");
   if (stamp.isZero()) return Order::kNext;
   if (ros::Time::isSimTime()) {
     const ros::Time before = std::exchange(clock_, ros::Time::now());
@@ -33,6 +32,11 @@ Stamps::Order Stamps::check(const std::string& sensor, const ros::Time& stamp) {
   if (late > kLatest || (late > kLate && s.was_late)) return jumpedBack(sensor, stamp, late);
   s.was_late = late > kLate;
   return Order::kLate;
+}
+
+void Stamps::require(const ros::Time& stamp, const std::string& what) {
+  if (stamp.sec > kLastSecond)
+    throw std::invalid_argument(what + " is " + std::to_string(stamp.sec) + " s, after 2038");
 }
 
 Stamps::Order Stamps::jumpedBack(const std::string& sensor, const ros::Time& stamp, double by) {

@@ -27,6 +27,12 @@ TEST(Stamps, ExtremeOnesAreRefusedAndForgotten) {
   for (const std::uint32_t second : {Stamps::kLastSecond + 1, 4000000000U, 4294967295U}) {
     EXPECT_THROW(stamps.check("laser", ros::Time(second, 999999999)), std::invalid_argument);
   }
+  try {
+    Stamps::require(ros::Time(4000000000U), "its stamp");
+    ADD_FAILURE();
+  } catch (const std::invalid_argument& e) {
+    EXPECT_STREQ("its stamp is 4000000000 s, after 2038", e.what());
+  }
   EXPECT_EQ(Order::kNext, stamps.check("laser", ros::Time(1e9 + 0.1)));
   // The greatest difference.
   EXPECT_EQ(Order::kNext, stamps.check("laser", ros::Time(Stamps::kLastSecond, 999999999)));

@@ -2,7 +2,6 @@
 //
 // The nodelet goes on in a map that was made anew, and nothing that came meanwhile is missing.
 #include <mapping_msgs/CorrectedMap.h>
-#include <rosgraph_msgs/Log.h>
 
 #include <algorithm>
 #include <cmath>
@@ -35,7 +34,7 @@ class MapCorrection : public NodeletTest {
     corrected_ = node_.advertise<mapping_msgs::CorrectedMap>("corrected_cloud_map", 10);
     ASSERT_TRUE(load());
     ASSERT_TRUE(waitFor([this] { return corrected_.getNumSubscribers() > 0; }));
-    spinFor(0.3);  // until it knows of the publisher
+    ASSERT_TRUE(mapping_common::waitForLink(corrected_));
     for (int i = 0; i < 5; ++i) {
       const std::string sensor = "sensor" + std::to_string(i);
       const Eigen::Isometry3d pose = poseOf(0.7 * i, 0.2 * i, 0.1, 0.2 * i);
@@ -104,6 +103,15 @@ TEST_F(MapCorrection, OthersAreRefusedAndTheMapStays) {
   message.correction.orientation.w = 3.0;
   expectRefused(message);
   message = good;
+  message.correction.position.y = 1e300;
+  expectRefused(message);
+  message = good;
+  message.header.stamp = ros::Time(4294967295U, 999999999U);
+  expectRefused(message);
+  message = good;
+  message.corrected_from = ros::Time(4294967295U, 0);
+  expectRefused(message);
+  message = good;
   message.correction.position.x = NAN;
   expectRefused(message);
   message = good;
@@ -125,17 +133,11 @@ TEST_F(MapCorrection, OthersAreRefusedAndTheMapStays) {
 TEST_F(MapCorrection, SaysWhatFellOut) {
   setParam("corrected_map_memory", 0.03);  // two clouds
   start();
-  Recorder<rosgraph_msgs::Log> log(node_, "/rosout");
-  spinFor(0.5);
+  mapping_common::LogRecorder log(node_);
+  ASSERT_TRUE(log.waitForLink());
   corrected_.publish(correctedMap(new_, map_frame_, stamp(0), kCorrection));
-  const auto says = [&log](const std::string& text) {
-    return waitFor([&] {
-      return std::any_of(log.messages.begin(), log.messages.end(),
-                         [&](const auto& m) { return m.msg.find(text) != std::string::npos; });
-    });
-  };
-  EXPECT_TRUE(says("lacks clouds or scans"));
-  EXPECT_TRUE(says("2 clouds and scans were added"));
+  EXPECT_TRUE(log.waitFor("lacks clouds or scans"));
+  EXPECT_TRUE(log.waitFor("2 clouds and scans were added"));
 }
 
 }  // namespace

@@ -30,6 +30,9 @@ class Stamps {
   /// @param stamp zero, "at any time", says nothing about time
   /// @throws std::invalid_argument if the stamp is after kLastSecond
   Order check(const std::string& sensor, const ros::Time& stamp);
+  /// @param what the stamp is, e.g. "its stamp"
+  /// @throws std::invalid_argument if it is after kLastSecond
+  static void require(const ros::Time& stamp, const std::string& what);
   /// s, by how much time has jumped back at last.
   double jump() const { return jump_; }
 

@@ -34,8 +34,10 @@ EdgeType typeOf(std::uint8_t type) {
 
 void check(const ros::Time& stamp) {
   if (stamp.isZero()) throw std::invalid_argument("a stamp of it is zero");
-  if (stamp.sec > mapping_common::Stamps::kLastSecond || stamp.nsec >= 1'000'000'000)
-    throw std::invalid_argument("a stamp of it is " + std::to_string(stamp.sec) + " s, after 2038");
+  mapping_common::Stamps::require(stamp, "a stamp of it");
+  if (stamp.nsec >= 1'000'000'000)
+    throw std::invalid_argument("a stamp of it has " + std::to_string(stamp.nsec) +
+                                " ns, more than a second");
 }
 
 struct Colour {
