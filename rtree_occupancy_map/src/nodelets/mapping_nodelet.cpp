@@ -20,7 +20,6 @@
 #include <cmath>
 #include <filesystem>
 #include <functional>
-#include <iterator>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -76,18 +75,6 @@ bool isEmpty(const sensor_msgs::PointCloud2& cloud) {
 }
 bool isEmpty(const sensor_msgs::LaserScan& scan) {
   return scan.ranges.empty();
-}
-
-// @param text names with spaces, commas or semicolons between them
-std::vector<std::string> topicsOf(std::string text) {
-  std::replace_if(
-      text.begin(), text.end(), [](char c) { return c == ',' || c == ';'; }, ' ');
-  std::istringstream words(text);
-  std::vector<std::string> topics{std::istream_iterator<std::string>(words), {}};
-  std::sort(topics.begin(), topics.end());
-  topics.erase(std::unique(topics.begin(), topics.end()), topics.end());
-  if (topics.empty()) throw std::invalid_argument("~cloud_topics names no topic");
-  return topics;
 }
 
 void requireBox(const geometry_msgs::Point& min, const geometry_msgs::Point& max) {
@@ -225,7 +212,8 @@ void MappingNodelet::listen() {
   options.transforms.tolerance = parameters_.transform_tolerance;
   options.transforms.most = kMostWaiting;
   arrivals_ = std::make_unique<Arrivals>(getNodeHandle(), guard(), options, [](const ros::Time&) {});
-  const std::vector<std::string> topics = topicsOf(parameters_.cloud_topics);
+  const std::vector<std::string> topics = mapping_common::listOf(parameters_.cloud_topics);
+  if (topics.empty()) throw std::invalid_argument("~cloud_topics names no topic");
   for (const std::string& topic : topics) {
     inputs_.push_back(arrivals_->subscribe<sensor_msgs::PointCloud2>(
         topic, parameters_.queue_size, topics.size() == 1 ? "Clouds" : "Clouds of " + topic,
