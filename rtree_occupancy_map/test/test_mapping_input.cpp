@@ -62,16 +62,12 @@ TEST_F(MappingInput, UndistortsWithTransformsUntilTheEndOfTheSweep) {
 TEST_F(MappingInput, SaysThatCloudsHaveNoTime) {
   setParam("undistort", true);
   ASSERT_TRUE(load());
-  Recorder<rosgraph_msgs::Log> log(node_, "/rosout");
-  spinFor(0.5);
+  mapping_common::LogRecorder log(node_);
+  ASSERT_TRUE(log.waitForLink());
   sendStaticPose("sensor", poseOf(0, 0, 0));
   send(makeCloud({{1, 2, 0.5}}), "sensor");
   expectDiagnostic("Input", "Dropped: malformed", "1");
-  EXPECT_TRUE(waitFor([&] {
-    for (const auto& message : log.messages)
-      if (message.msg.find("no field t, time, timestamp") != std::string::npos) return true;
-    return false;
-  }));
+  EXPECT_TRUE(log.waitFor("no field t, time, timestamp"));
 }
 
 TEST_F(MappingInput, TwoSensorsOfWhichOneIsLateLoseNothing) {

@@ -4,10 +4,10 @@
 #include <dynamic_reconfigure/Reconfigure.h>
 #include <mapping_common/testing/message_fuzz.h>
 #include <mapping_common/testing/temp_dir.h>
+#include <mapping_msgs/CorrectedMap.h>
 #include <mapping_msgs/LoadMap.h>
 #include <mapping_msgs/SaveMap.h>
 #include <nav_msgs/OccupancyGrid.h>
-#include <rosgraph_msgs/Log.h>
 #include <rtree_occupancy_map/BoundingBoxQuery.h>
 #include <rtree_occupancy_map/CastRay.h>
 #include <std_srvs/Empty.h>
@@ -187,11 +187,18 @@ TEST_F(MappingNodelet, SurvivesWhateverArrives) {
   ASSERT_TRUE(load());
   Recorder<nav_msgs::OccupancyGrid> projection(node_, "projected_map");
   Recorder<visualization_msgs::MarkerArray> markers(node_, "occupied_cells_vis_array");
+  ros::Publisher corrected = node_.advertise<mapping_msgs::CorrectedMap>("corrected_cloud_map", 10);
+  ASSERT_TRUE(waitFor([&] { return corrected.getNumSubscribers() > 0; }));
+  mapping_msgs::CorrectedMap empty;
+  empty.header.frame_id = map_frame_;
+  empty.correction.orientation.w = 1.0;
+  const std::string bytes = OccupancyMap().toBytes();
+  empty.data.assign(bytes.begin(), bytes.end());
   for (const char* sensor : {"a", "b"}) sendStaticPose(sensor, poseOf(1, 2, 0.5));
   const std::vector<std::string> frames = {frame("a"), frame("b")};
   mapping_common::fuzz(frames, [&](mapping_common::MessageFuzz& fuzz) {
     const std::string sensor = fuzz.pick<std::string>({"a", "b"});
-    switch (fuzz.pick<int>({0, 1, 2})) {
+    switch (fuzz.pick<int>({0, 0, 0, 1, 1, 1, 2, 3, 3, 3})) {
       case 0: {
         sensor_msgs::PointCloud2 cloud = room(1);
         cloud.header.frame_id = frame(sensor);
@@ -209,6 +216,12 @@ TEST_F(MappingNodelet, SurvivesWhateverArrives) {
         scan.intensities.assign(100, 0.5F);
         fuzz.spoil(scan);
         return scans_.publish(scan);
+      }
+      case 2: {
+        mapping_msgs::CorrectedMap map = empty;
+        map.header.stamp = ros::Time::now();
+        fuzz.spoil(map);
+        return corrected.publish(map);
       }
       default: {
         tf2_msgs::TFMessage message;
@@ -243,19 +256,14 @@ TEST_F(MappingNodelet, BeamsOfCloudsStartAtTheSensor) {
 }
 
 TEST_F(MappingNodelet, WarnsOfCloudsInTheMapsFrame) {
-  Recorder<rosgraph_msgs::Log> log(node_, "/rosout");
+  mapping_common::LogRecorder log(node_);
   ASSERT_TRUE(load());
-  spinFor(0.5);  // to be connected
+  ASSERT_TRUE(log.waitForLink());
   auto cloud = room(1);
   cloud.header.frame_id = map_frame_;
   cloud.header.stamp = ros::Time::now();
   clouds_.publish(cloud);
-  EXPECT_TRUE(waitFor([&] {
-    return std::any_of(log.messages.begin(), log.messages.end(), [](const rosgraph_msgs::Log& message) {
-      return message.level == rosgraph_msgs::Log::WARN &&
-             message.msg.find("~sensor_frame_id") != std::string::npos;
-    });
-  }));
+  EXPECT_TRUE(log.waitFor("set ~sensor_frame_id"));
   expectDiagnostic("Input", "Inserted", "1");
 }
 
