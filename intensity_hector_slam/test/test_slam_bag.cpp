@@ -4,8 +4,9 @@
 #include <gtest/gtest.h>
 #include <mapping_common/files.h>
 #include <mapping_common/testing/temp_dir.h>
+#include <mapping_common/testing/tool_test.h>
 
-#include <cstdlib>
+#include <memory>
 #include <sstream>
 
 #include "intensity_hector_slam/ros/bag_runner.h"
@@ -19,21 +20,17 @@ using mapping_common::TempDir;
 
 constexpr int kScans = 60;
 
-class SlamBag : public ::testing::Test {
+class SlamBag : public mapping_common::ToolTest {
  protected:
+  SlamBag() : ToolTest(SLAM_BAG) {}
   static void SetUpTestSuite() {
-    dir_ = std::make_unique<TempDir>();
+    room_ = std::make_unique<TempDir>();
     writeRoomBag(bag(), kScans);
   }
-  static void TearDownTestSuite() { dir_.reset(); }
-  static std::string bag() { return dir_->path("room.bag"); }
+  static void TearDownTestSuite() { room_.reset(); }
+  static std::string bag() { return room_->path("room.bag"); }
 
-  static int run(const std::string& arguments) {
-    const std::string command = std::string(SLAM_BAG) + " " + arguments + " >" + dir_->path("log") + " 2>&1";
-    return WEXITSTATUS(std::system(command.c_str()));
-  }
-  static std::string log() { return readFile(dir_->path("log")); }
-  static std::string out(const std::string& name) { return dir_->path(name); }
+  std::string out(const std::string& name) const { return dir_.path(name); }
 
   // Greatest distance from the truth; the first pose is the origin.
   static double errorOf(const std::string& trajectory) {
@@ -48,19 +45,19 @@ class SlamBag : public ::testing::Test {
     return greatest;
   }
 
-  static std::unique_ptr<TempDir> dir_;
+  static std::unique_ptr<TempDir> room_;
 };
-std::unique_ptr<TempDir> SlamBag::dir_;
+std::unique_ptr<TempDir> SlamBag::room_;
 
 TEST_F(SlamBag, WritesTheSameTwice) {
   const std::string common =
       "--bag " + bag() + " --scan scan --reflectivity-scale 0.001 --cost combined --out ";
-  ASSERT_EQ(0, run(common + out("one"))) << log();
-  EXPECT_NE(std::string::npos, log().find("100 %"));
+  ASSERT_EQ(0, run(common + out("one"))) << output();
+  EXPECT_NE(std::string::npos, output().find("100 %"));
   EXPECT_NE(std::string::npos,
-            log().find("tf has odometry, odom -> base_link, which isn't used without --odom odom"))
-      << log();
-  ASSERT_EQ(0, run(common + out("two"))) << log();
+            output().find("tf has odometry, odom -> base_link, which isn't used without --odom odom"))
+      << output();
+  ASSERT_EQ(0, run(common + out("two"))) << output();
   EXPECT_LT(errorOf(out("one") + "/trajectory.tum"), 0.03);
   for (const char* name :
        {"trajectory.tum", "map.pgm", "map.yaml", "reflectivity.png", "edges.g2o", "slam.map"}) {
@@ -76,32 +73,32 @@ TEST_F(SlamBag, WritesTheSameTwice) {
 }
 
 TEST_F(SlamBag, UsesOdometryOfTfOrOfATopic) {
-  const std::string config = dir_->write("slow.yaml", "search: never\nmap_resolution: 0.05\n");
+  const std::string config = dir_.write("slow.yaml", "search: never\nmap_resolution: 0.05\n");
   const std::string common =
       "--bag " + bag() + " --scan /scan --cost occupancy --config " + config + " --out ";
-  ASSERT_EQ(0, run(common + out("tf") + " --odom odom")) << log();
+  ASSERT_EQ(0, run(common + out("tf") + " --odom odom")) << output();
   EXPECT_LT(errorOf(out("tf/trajectory.tum")), 0.05);
-  EXPECT_EQ(std::string::npos, log().find("tf has odometry")) << log();
-  ASSERT_EQ(0, run(common + out("topic") + " --odom-topic odom")) << log();
+  EXPECT_EQ(std::string::npos, output().find("tf has odometry")) << output();
+  ASSERT_EQ(0, run(common + out("topic") + " --odom-topic odom")) << output();
   EXPECT_LT(errorOf(out("topic/trajectory.tum")), 0.05);
   ASSERT_EQ(1, run(common + out("none") + " --odom nowhere"));
-  EXPECT_NE(std::string::npos, log().find("60 no transform")) << log();
+  EXPECT_NE(std::string::npos, output().find("60 no transform")) << output();
   EXPECT_NE(std::string::npos,
-            log().find("60 scans are dropped, no transform, the first because \"nowhere\""))
-      << log();
+            output().find("60 scans are dropped, no transform, the first because \"nowhere\""))
+      << output();
 }
 
 TEST_F(SlamBag, DoesWithoutTransforms) {
-  const std::string bare = dir_->path("bare.bag");
+  const std::string bare = dir_.path("bare.bag");
   writeRoomBag(bare, 30, false);
-  ASSERT_EQ(0, run("--bag " + bare + " --scan scan --cost occupancy --out " + out("bare"))) << log();
-  EXPECT_NE(std::string::npos, log().find("the scanner is the body"));
-  EXPECT_EQ(std::string::npos, log().find("tf has odometry")) << log();
+  ASSERT_EQ(0, run("--bag " + bare + " --scan scan --cost occupancy --out " + out("bare"))) << output();
+  EXPECT_NE(std::string::npos, output().find("the scanner is the body"));
+  EXPECT_EQ(std::string::npos, output().find("tf has odometry")) << output();
 }
 
 TEST_F(SlamBag, SaysWhyScansAreDropped) {
-  const auto write = [](const std::function<void(sensor_msgs::LaserScan&)>& damage) {
-    const std::string path = dir_->path("damaged.bag");
+  const auto write = [this](const std::function<void(sensor_msgs::LaserScan&)>& damage) {
+    const std::string path = dir_.path("damaged.bag");
     rosbag::Bag damaged(path, rosbag::bagmode::Write);
     for (int i = 0; i < 5; ++i) {
       sensor_msgs::LaserScan scan = roomMessage(bagPoseAt(0.1 * i), ros::Time(kBagStart + 0.1 * i), i);
@@ -114,26 +111,27 @@ TEST_F(SlamBag, SaysWhyScansAreDropped) {
               for (float& range : scan.ranges) range *= 1000.0F;
             })));
   EXPECT_NE(std::string::npos,
-            log().find("5 scans are dropped, malformed, the first because ranges look like "
-                       "millimetres"))
-      << log();
+            output().find("5 scans are dropped, malformed, the first because ranges look like "
+                          "millimetres"))
+      << output();
   EXPECT_EQ(1, run(write([](auto& scan) { scan.ranges.assign(361, std::nanf("")); })));
-  EXPECT_NE(std::string::npos, log().find("all scans are empty")) << log();
+  EXPECT_NE(std::string::npos, output().find("all scans are empty")) << output();
   EXPECT_EQ(0, run(write([](auto& scan) { scan.range_max = 0.0F; })));
-  EXPECT_NE(std::string::npos, log().find("5 scans: range_max, the first because range_max is 0")) << log();
+  EXPECT_NE(std::string::npos, output().find("5 scans: range_max, the first because range_max is 0"))
+      << output();
 }
 
 TEST_F(SlamBag, SaysWhatIsWrong) {
   EXPECT_EQ(2, run("--bag " + bag()));
   EXPECT_EQ(1, run("--bag /nowhere.bag --scan scan --out " + out("x")));
   EXPECT_EQ(1, run("--bag " + bag() + " --scan laser --out " + out("x")));
-  EXPECT_NE(std::string::npos, log().find("has no messages on laser")) << log();
+  EXPECT_NE(std::string::npos, output().find("has no messages on laser")) << output();
   EXPECT_EQ(1, run("--bag " + bag() + " --scan odom --out " + out("x")));
-  EXPECT_NE(std::string::npos, log().find("isn't a sensor_msgs/LaserScan")) << log();
+  EXPECT_NE(std::string::npos, output().find("isn't a sensor_msgs/LaserScan")) << output();
   EXPECT_EQ(1, run("--bag " + bag() + " --scan scan --cost best --out " + out("x")));
-  EXPECT_NE(std::string::npos, log().find("~cost is 'best'")) << log();
-  EXPECT_EQ(1, run("--bag " + dir_->write("cut.bag", readFile(bag()).substr(0, 5000)) +
-                   " --scan scan --out " + out("x")));
+  EXPECT_NE(std::string::npos, output().find("~cost is 'best'")) << output();
+  EXPECT_EQ(1, run("--bag " + dir_.write("cut.bag", readFile(bag()).substr(0, 5000)) + " --scan scan --out " +
+                   out("x")));
   EXPECT_EQ(0, run("--help"));
 }
 
