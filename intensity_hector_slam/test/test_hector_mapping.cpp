@@ -3,7 +3,7 @@
 // The node in place of hector_mapping, started with what its launch file passes.
 #include <geometry_msgs/PoseWithCovarianceStamped.h>
 #include <intensity_hector_slam/ResetMapping.h>
-#include <mapping_common/testing/temp_dir.h>
+#include <mapping_common/testing/tool_test.h>
 #include <nav_msgs/GetMap.h>
 #include <nav_msgs/Odometry.h>
 #include <sensor_msgs/PointCloud.h>
@@ -12,9 +12,7 @@
 #include <tf2_ros/buffer.h>
 #include <tf2_ros/transform_listener.h>
 
-#include <cstdlib>
-#include <fstream>
-#include <sstream>
+#include <string>
 
 #include "room_drive.h"
 
@@ -134,26 +132,19 @@ TEST(ResetMapping, HasTheTypeOfHectorMapping) {
 }
 
 TEST(Node, PrintsItsUsageAndEnds) {
-  const mapping_common::TempDir dir;
   for (const char* argument : {"-h", "--help", "scan:=front/scan --help"}) {
-    const std::string command = "ROS_MASTER_URI=http://localhost:1 timeout 10 " + std::string(SLAM) + ' ' +
-                                argument + " >" + dir.path("usage");
-    EXPECT_EQ(0, std::system(command.c_str())) << argument;
-    std::ostringstream text;
-    text << std::ifstream(dir.path("usage")).rdbuf();
-    EXPECT_EQ(0u, text.str().find("Usage: slam")) << text.str();
+    const mapping_common::Ran ran = mapping_common::run("ROS_MASTER_URI=http://localhost:1 timeout 60 " +
+                                                        std::string(SLAM) + ' ' + argument);
+    EXPECT_EQ(0, ran.code) << argument;
+    EXPECT_EQ(0u, ran.out.find("Usage: slam")) << ran.out;
   }
 }
 
 TEST(Node, SaysWhichParameterIsWrongAndEnds) {
-  const mapping_common::TempDir dir;
   const auto expectEnd = [&](const std::string& argument, const std::string& expected) {
-    const std::string log = dir.path("log");
-    const std::string command = std::string(SLAM) + " __name:=wrong " + argument + " >" + log + " 2>&1";
-    EXPECT_NE(0, std::system(command.c_str())) << argument;
-    std::ostringstream text;
-    text << std::ifstream(log).rdbuf();
-    EXPECT_NE(std::string::npos, text.str().find(expected)) << text.str();
+    const mapping_common::Ran ran = mapping_common::run(std::string(SLAM) + " __name:=wrong " + argument);
+    EXPECT_NE(0, ran.code) << argument;
+    EXPECT_NE(std::string::npos, ran.said().find(expected)) << ran.said();
     ros::param::del("/wrong");
   };
   expectEnd("_map_sizes:=2048", "~map_sizes");
