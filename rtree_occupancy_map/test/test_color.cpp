@@ -68,11 +68,6 @@ std::map<Voxel, ColorSum> colorsOf(const OccupancyMap& map) {
   return colors;
 }
 
-std::map<Voxel, float> known(const OccupancyMap& map) {
-  bool disjoint = false;
-  return voxelsOf(map, &disjoint);
-}
-
 Eigen::Vector3d centerOf(const OccupancyMap& map, const Voxel& voxel) {
   return map.center(VoxelBox::unit(voxel));
 }
