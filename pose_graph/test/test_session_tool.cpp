@@ -3,10 +3,8 @@
 // The program on sessions, from end to end.
 #include <gtest/gtest.h>
 #include <mapping_common/files.h>
-#include <mapping_common/testing/temp_dir.h>
-#include <sys/wait.h>
+#include <mapping_common/testing/tool_test.h>
 
-#include <cstdlib>
 #include <filesystem>
 #include <string>
 
@@ -19,8 +17,9 @@ namespace {
 using mapping_common::mentions;
 using mapping_common::readFile;
 
-class SessionTool : public testing::Test {
+class SessionTool : public mapping_common::ToolTest {
  protected:
+  SessionTool() : ToolTest(POSE_GRAPH) {}
   void SetUp() override {
     SessionWriter writer(path_, true);
     writeRun(writer, room_, planarPose(0.02, 0.01, 0.01));
@@ -29,12 +28,6 @@ class SessionTool : public testing::Test {
     options.occupancy.resolution = 0.1;
     keepOptions(options, writer);
   }
-  /// The exit code; what was said is in output().
-  int run(const std::string& arguments) {
-    return WEXITSTATUS(
-        std::system((std::string(POSE_GRAPH) + ' ' + arguments + " >" + dir_.path("log") + " 2>&1").c_str()));
-  }
-  std::string output() { return readFile(dir_.path("log")); }
   void putWrongLoop() {
     SessionWriter writer(path_, true);
     SessionEdge wrong;
@@ -55,7 +48,6 @@ class SessionTool : public testing::Test {
     return greatest;
   }
 
-  mapping_common::TempDir dir_;
   const std::string path_ = dir_.path("room");  // the ending doesn't tell
   const std::vector<Pose> room_ = circle();
 };

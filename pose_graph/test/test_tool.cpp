@@ -3,10 +3,8 @@
 // The program from end to end.
 #include <gtest/gtest.h>
 #include <mapping_common/files.h>
-#include <mapping_common/testing/temp_dir.h>
-#include <sys/wait.h>
+#include <mapping_common/testing/tool_test.h>
 
-#include <cstdlib>
 #include <string>
 
 #include "graphs.h"
@@ -18,15 +16,9 @@ namespace {
 
 using mapping_common::mentions;
 
-class Tool : public testing::TestWithParam<bool> {
+class Tool : public mapping_common::ToolTest, public testing::WithParamInterface<bool> {
  protected:
-  /// The exit code; what was said is in output().
-  int run(const std::string& arguments) {
-    return WEXITSTATUS(
-        std::system((std::string(POSE_GRAPH) + ' ' + arguments + " >" + dir_.path("log") + " 2>&1").c_str()));
-  }
-  std::string output() { return mapping_common::readFile(dir_.path("log")); }
-  mapping_common::TempDir dir_;
+  Tool() : ToolTest(POSE_GRAPH) {}
   const std::string in_ = dir_.path("in.g2o"), out_ = dir_.path("out.g2o");
 };
 INSTANTIATE_TEST_SUITE_P(PlaneAndSpace, Tool, testing::Bool());
