@@ -5,6 +5,7 @@
 #include <mapping_common/testing/message_fuzz.h>
 #include <mapping_common/testing/nodelet_test.h>
 #include <mapping_common/testing/temp_dir.h>
+#include <mapping_msgs/CorrectedMap.h>
 #include <mapping_msgs/EdgeConstraint.h>
 #include <mapping_msgs/LoadMap.h>
 #include <mapping_msgs/SaveMap.h>
@@ -35,7 +36,8 @@ class SlamNodeletTest : public mapping_common::NodeletTest, protected RoomDrive 
     setParam("reflectivity_scale", 0.001);
     setParam("scan_subscriber_queue_size", 20);
   }
-  bool load() { return NodeletTest::load() && waitForNode(); }
+  // A test may have a listener of its own to tf.
+  bool load() { return NodeletTest::load() && waitForNode() && mapping_common::waitForLink(tf_); }
   template <class Service>
   bool call(const std::string& name, Service& service) {
     return ros::service::call(name, service);
@@ -225,8 +227,10 @@ TEST_F(SlamNodeletTest, MapsAreSavedAndLocalizedIn) {
   geometry_msgs::PoseWithCovarianceStamped pose;
   pose.header.frame_id = frame("map_frame");
   pose.pose.pose = toMessage(bagPoseAt(2.0) + Pose(0.1, -0.1, 0.1));
+  mapping_common::LogRecorder log(node_);
+  ASSERT_TRUE(log.waitForLink());
   initial.publish(pose);
-  spinFor(0.2);
+  ASSERT_TRUE(log.waitFor("The pose is set to"));
   ASSERT_TRUE(drive(20, 30));
   EXPECT_LT(errorAt(29), 0.03);
   expectDiagnostic("Map", "Updates", "1");
@@ -320,12 +324,23 @@ TEST_F(SlamNodeletTest, SurvivesWhateverArrives) {
   ASSERT_TRUE(drive(0, 5));
   auto initial = node_.advertise<geometry_msgs::PoseWithCovarianceStamped>("initialpose", 10);
   auto commands = node_.advertise<std_msgs::String>("syscommand", 10);
-  const auto listen = [&] { return initial.getNumSubscribers() > 0 && commands.getNumSubscribers() > 0; };
+  auto corrected = node_.advertise<mapping_msgs::CorrectedMap>("corrected_map", 10);
+  const auto listen = [&] {
+    return initial.getNumSubscribers() > 0 && commands.getNumSubscribers() > 0 &&
+           corrected.getNumSubscribers() > 0;
+  };
   ASSERT_TRUE(waitFor(listen));
+  mapping_msgs::CorrectedMap empty;
+  empty.header.frame_id = frame("map_frame");
+  empty.correction.orientation.w = 1.0;
+  MapOptions small;
+  small.size = 64;
+  const std::string bytes = MultiMap(small).toBytes();
+  empty.data.assign(bytes.begin(), bytes.end());
   double time = kBagStart + 0.5;
   mapping_common::fuzz({frame("laser"), frame("other")}, [&](mapping_common::MessageFuzz& fuzz) {
     time += 0.01;
-    switch (fuzz.pick<int>({0, 0, 0, 0, 1, 2, 3})) {
+    switch (fuzz.pick<int>({0, 0, 0, 0, 1, 2, 3, 4})) {
       case 0: {
         sendTransforms(time);
         sensor_msgs::LaserScan scan = roomMessage(bagPoseAt(0.5), ros::Time(time), 5);
@@ -346,6 +361,12 @@ TEST_F(SlamNodeletTest, SurvivesWhateverArrives) {
         pose.pose.pose.orientation.w = 1.0;
         fuzz.spoil(pose);
         return initial.publish(pose);
+      }
+      case 3: {
+        mapping_msgs::CorrectedMap map = empty;
+        map.header.stamp = ros::Time(time);
+        fuzz.spoil(map);
+        return corrected.publish(map);
       }
       default: {
         std_msgs::String command;
@@ -392,13 +413,15 @@ TEST_F(SlamNodeletTest, ScansWhoseStampsStandDoNotPileUp) {
 }
 
 TEST_F(SlamNodeletTest, GoesOnWhenTimeJumpsBack) {
+  mapping_common::LogRecorder log(node_);
   ASSERT_TRUE(load());
+  ASSERT_TRUE(log.waitForLink());
   ASSERT_TRUE(drive(0, 20));
   // From the start again: odometry knows where that is. One scan may just be late, the second tells, and may
   // be lost with the old transforms.
   step(0);
   step(1);
-  spinFor(0.3);
+  ASSERT_TRUE(log.waitFor("Time jumped back"));
   ASSERT_TRUE(drive(2, 20));
   EXPECT_LT(errorAt(19), 0.03);
 }
