@@ -20,7 +20,7 @@ import sys
 import tempfile
 import time
 
-# MB a round that the nodes may grow by: what is kept for good of key poses, places (155 kB each, 107 a round) and images.
+# MB a round that the nodes may grow by: what is kept for good of key poses, places (171 kB each, 107 a round) and images.
 KEPT = 60.0
 ROUND_LIMIT = 600  # s
 

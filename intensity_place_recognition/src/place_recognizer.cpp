@@ -8,13 +8,31 @@
 #include <stdexcept>
 #include <utility>
 
+#include "intensity_place_recognition/alignment.h"
 #include "intensity_place_recognition/scan_check.h"
 
 namespace intensity_place_recognition {
 namespace {
 
 const mapping_common::ArchiveFormat kFormat{"PLACEDB1", "a database of places"};
-constexpr std::size_t kLeastPlace = 64;  // bytes of a place in a file, at least
+constexpr std::size_t kLeastPlace = 64;             // bytes of a place in a file, at least
+constexpr int kYaws = 120;                          // of a query's plans
+constexpr double kSamePose = 2.5, kSameYaw = 0.17;  // m, rad
+constexpr double kLikeShape = 0.8;                  // of the best one's fit
+constexpr double kLessEvidence = 0.8;               // that two places are one, where the query says so, too
+constexpr double kNoRival = 100.0;                  // standard deviations
+
+Eigen::Isometry3d flatPose(double x, double y, double yaw) {
+  Eigen::Isometry3d pose(Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ()));
+  pose.translation() << x, y, 0.0;
+  return pose;
+}
+
+bool samePose(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
+  const Eigen::Isometry3d difference = a.inverse() * b;
+  return difference.translation().norm() < kSamePose &&
+         Eigen::AngleAxisd(difference.linear()).angle() < kSameYaw;
+}
 
 Cloud measuredIn(const Cloud& all) {
   Cloud measured;
@@ -34,12 +52,17 @@ void PlaceRecognizerOptions::describe(mapping_common::OptionList& o) {
   o.group("shape", "what is kept to verify places and measure poses", shape);
   o.section("the search");
   o("neighbours", neighbours, "", "places from the index that are compared at all turns").within(1, 100000);
-  o("candidates", candidates, "", "of them, the most similar, whose ground plans are compared")
-      .within(1, 1000);
-  o("turns", turns, "", "the most similar turns, that are tried for each").within(1, 24);
+  o("turns", turns, "", "the most similar turns of each, at which plans of shape and light are compared")
+      .within(1, 24);
+  o("candidates", candidates, "", "of them, the best by the plans, that are aligned roughly").within(1, 1000);
   o("registrations", registrations, "",
-    "of them, the best by what stands where, that are registered until one is accepted")
+    "of them, the best by shape and intensities, that are registered until one is accepted")
       .within(1, 1000);
+  o("min_margin", min_margin, "",
+    "standard deviations by which intensities correlate better than at any other place of like shape; 0 for "
+    "scanners without intensities")
+      .within(0.0, 100.0)
+      .dynamic();
   o("beta", beta, "", "the last scans, which aren't places to be found again").within(0, 1000000);
   o.group("registration", "verification and pose", registration);
 }
@@ -75,6 +98,7 @@ Recognition PlaceRecognizer::process(const Cloud& cloud, const std::function<voi
 
 void PlaceRecognizer::add(Place place) {
   index_.add(place.signature.key());
+  plans_.emplace_back(place.shape, 0.0);
   places_.push_back(std::move(place));
 }
 
@@ -83,48 +107,95 @@ std::vector<Candidate> PlaceRecognizer::candidates(const Signature& signature, i
   if (before <= 0) return result;
   for (const std::size_t i : index_.nearest(signature.key(), options_.neighbours, before))
     result.push_back({static_cast<int>(i), signature.bestTurns(places_[i].signature, options_.turns)});
-  const auto similarity = [](const Candidate& c) {
-    return c.turns.empty() ? -1.0f : c.turns.front().similarity;
-  };
-  std::sort(result.begin(), result.end(), [&](const Candidate& a, const Candidate& b) {
-    return std::make_pair(-similarity(a), a.place) < std::make_pair(-similarity(b), b.place);
-  });
-  if (result.size() > static_cast<std::size_t>(options_.candidates)) result.resize(options_.candidates);
   return result;
+}
+
+std::vector<PlaceRecognizer::Hypothesis> PlaceRecognizer::hypotheses(const Place& place, int before) const {
+  std::vector<Hypothesis> all;
+  std::vector<GroundPlan> turned(kYaws);
+  for (const Candidate& candidate : candidates(place.signature, before)) {
+    for (const Signature::Turn& turn : candidate.turns) {
+      const long step = std::lround(turn.yaw / (2.0 * M_PI) * kYaws);
+      const double yaw = 2.0 * M_PI / kYaws * static_cast<double>(step);
+      GroundPlan& plan = turned[(step + kYaws) % kYaws];
+      if (plan.empty()) plan = GroundPlan(place.shape, yaw);
+      const GroundPlan::Shift shift =
+          plan.bestShift(plans_[candidate.place], static_cast<float>(options_.registration.max_distance));
+      Hypothesis h;
+      h.place = candidate.place;
+      h.similarity = candidate.turns.front().similarity;
+      h.correlation = shift.correlation;
+      h.alignment.pose = flatPose(shift.x, shift.y, yaw);
+      all.push_back(h);
+    }
+  }
+  const auto kept =
+      all.begin() + std::min<std::ptrdiff_t>(static_cast<std::ptrdiff_t>(all.size()), options_.candidates);
+  std::partial_sort(all.begin(), kept, all.end(), [](const Hypothesis& a, const Hypothesis& b) {
+    return std::make_pair(-a.correlation, a.place) < std::make_pair(-b.correlation, b.place);
+  });
+  all.erase(kept, all.end());
+  return all;
+}
+
+double PlaceRecognizer::margin(const Hypothesis& best, const Registration& found,
+                               const std::vector<Hypothesis>& all) const {
+  const Correlation own{std::max(found.intensity.value, best.alignment.intensity.value),
+                        found.intensity.pieces};
+  std::vector<std::pair<double, const Hypothesis*>> rivals;
+  for (const Hypothesis& h : all) {
+    const bool same = h.place == best.place && samePose(h.alignment.pose, found.pose);
+    if (&h != &best && !same && h.alignment.fit >= kLikeShape * best.alignment.fit)
+      rivals.emplace_back(evidence(own, h.alignment.intensity), &h);
+  }
+  std::sort(rivals.begin(), rivals.end());
+  std::unique_ptr<Aligner> at_match;
+  for (const auto& [by, h] : rivals) {
+    if (by >= options_.min_margin || h->place == best.place) return by;
+    // Where the query's poses say that both show one place, do they?
+    if (!at_match) at_match = std::make_unique<Aligner>(places_[best.place].shape);
+    const Eigen::Isometry3d between = h->alignment.pose * found.pose.inverse();
+    const Alignment same = (*at_match)(places_[h->place].shape, between);
+    if (!samePose(between, same.pose) || evidence(same.intensity, options_.registration.min_intensity) <
+                                             kLessEvidence * options_.registration.min_evidence)
+      return by;
+  }
+  return kNoRival;
 }
 
 Recognition PlaceRecognizer::recognize(const Place& place, int query,
                                        const std::function<void(Stage)>& done) const {
   Recognition result;
   result.query = query;
-  const std::vector<Candidate> all = candidates(place.signature, std::min(query, places()) - options_.beta);
+  std::vector<Hypothesis> all = hypotheses(place, std::min(query, places()) - options_.beta);
   done(Stage::kSearch);
-  struct Trial {
-    const Candidate* candidate;
-    std::unique_ptr<Registrar> registrar;
-    Guess guess;
-  };
-  std::vector<Trial> trials;
-  for (const Candidate& candidate : all) {
-    std::vector<double> yaws;
-    for (const Signature::Turn& turn : candidate.turns) yaws.push_back(turn.yaw);
-    auto registrar = std::make_unique<Registrar>(places_[candidate.place].shape, options_.registration);
-    const Guess guess = registrar->guess(place.shape, yaws);
-    trials.push_back({&candidate, std::move(registrar), guess});
-  }
-  std::stable_sort(trials.begin(), trials.end(),
-                   [](const Trial& a, const Trial& b) { return a.guess.correlation > b.guess.correlation; });
-  if (trials.size() > static_cast<std::size_t>(options_.registrations)) trials.resize(options_.registrations);
-  for (const Trial& trial : trials) {
-    const Registration registration = (*trial.registrar)(place.shape, trial.guess);
-    if (result.match >= 0 && registration.score <= result.registration.score) continue;
-    result.match = trial.candidate->place;
-    result.similarity = trial.candidate->turns.empty() ? 0.0f : trial.candidate->turns.front().similarity;
+  const Aligner aligner(place.shape);
+  for (Hypothesis& h : all) h.alignment = aligner(places_[h.place].shape, h.alignment.pose);
+  std::stable_sort(all.begin(), all.end(),
+                   [](const Hypothesis& a, const Hypothesis& b) { return a.quality() > b.quality(); });
+  const Registrar registrar(place.shape, options_.registration);
+  const Hypothesis* best = nullptr;
+  for (std::size_t i = 0; i < all.size() && i < static_cast<std::size_t>(options_.registrations); ++i) {
+    const Registration registration = registrar(places_[all[i].place].shape, all[i].alignment.pose);
+    if (best && !registration.accepted && registration.score <= result.registration.score) continue;
+    best = &all[i];
+    result.match = best->place;
+    result.similarity = best->similarity;
     result.registration = registration;
     if (registration.accepted) break;
   }
+  if (best) result.margin = margin(*best, result.registration, all);
+  result.registration.accepted = result.registration.accepted && result.margin >= options_.min_margin;
   done(Stage::kVerification);
   return result;
+}
+
+void PlaceRecognizer::setThresholds(const PlaceRecognizerOptions& options) {
+  options_.min_margin = options.min_margin;
+  options_.registration.min_score = options.registration.min_score;
+  options_.registration.min_intensity = options.registration.min_intensity;
+  options_.registration.min_evidence = options.registration.min_evidence;
+  options_.registration.min_pieces = options.registration.min_pieces;
 }
 
 void PlaceRecognizer::save(const std::string& path) const {

@@ -19,14 +19,19 @@ struct Moments {
   int count = 0;
   Eigen::Vector3f sum = Eigen::Vector3f::Zero();
   Eigen::Matrix3f squares = Eigen::Matrix3f::Zero();
-  float intensity = 0.0f;
+  float intensity = 0.0f, squared = 0.0f;  // intensities, and of them
   int cell = 0;
 };
 
+struct Measured {
+  Patch patch;
+  float error = 0.0f;  // standard error of the intensity
+};
+
 // Evenly over all, which are in the order of their places. At most `most`.
-std::vector<Patch> thinned(const std::vector<Patch>& all, int most) {
+std::vector<Measured> thinned(const std::vector<Measured>& all, int most) {
   const std::size_t count = std::min(all.size(), static_cast<std::size_t>(most));
-  std::vector<Patch> kept;
+  std::vector<Measured> kept;
   kept.reserve(count);
   for (std::size_t i = 0; i < count; ++i) kept.push_back(all[i * all.size() / count]);
   return kept;
@@ -34,30 +39,44 @@ std::vector<Patch> thinned(const std::vector<Patch>& all, int most) {
 
 /// Intensities fall with the range and the angle of incidence, and roads are dark: two places of one shape
 /// would agree in all of that. So each becomes its rank among the patches that are alike in them, -0.5 to
-/// 0.5.
-void flattenIntensities(std::vector<Patch>& patches) {
+/// 0.5. What differs by no more than it is uncertain has about the same rank.
+void flattenIntensities(std::vector<Measured>& patches) {
   constexpr int kAngles = 4;
+  constexpr float kErrors = 2.5f;  // standard errors, within which values count as equal
   constexpr std::size_t kFewestAlike = 40, kMostRanges = 8;
   std::array<std::vector<std::size_t>, 2 * kAngles> groups;
   for (std::size_t i = 0; i < patches.size(); ++i) {
-    const Patch& p = patches[i];
+    const Patch& p = patches[i].patch;
     const float cosine = std::abs(p.normal.dot(p.point.normalized()));
     const int angle = std::min(kAngles - 1, static_cast<int>(cosine * kAngles));
     groups[(p.isLevel() ? 0 : kAngles) + angle].push_back(i);
   }
   for (std::vector<std::size_t>& group : groups) {
+    if (group.empty()) continue;
     std::sort(group.begin(), group.end(), [&](std::size_t a, std::size_t b) {
-      return patches[a].point.squaredNorm() < patches[b].point.squaredNorm();
+      return patches[a].patch.point.squaredNorm() < patches[b].patch.point.squaredNorm();
     });
     const std::size_t parts = std::clamp<std::size_t>(group.size() / kFewestAlike, 1, kMostRanges);
     for (std::size_t part = 0; part < parts; ++part) {
       std::vector<std::size_t> alike(group.begin() + group.size() * part / parts,
                                      group.begin() + group.size() * (part + 1) / parts);
-      std::sort(alike.begin(), alike.end(),
-                [&](std::size_t a, std::size_t b) { return patches[a].intensity < patches[b].intensity; });
-      for (std::size_t i = 0; i < alike.size(); ++i)
-        patches[alike[i]].intensity =
-            (static_cast<float>(i) + 0.5f) / static_cast<float>(alike.size()) - 0.5f;
+      std::vector<float> sorted, errors;
+      for (const std::size_t i : alike) {
+        sorted.push_back(patches[i].patch.intensity);
+        errors.push_back(patches[i].error);
+      }
+      std::sort(sorted.begin(), sorted.end());
+      const auto middle = errors.begin() + static_cast<std::ptrdiff_t>(errors.size() / 2);
+      std::nth_element(errors.begin(), middle, errors.end());
+      const float alike_within = kErrors * *middle;
+      for (const std::size_t i : alike) {
+        float& value = patches[i].patch.intensity;
+        const auto below = std::lower_bound(sorted.begin(), sorted.end(), value - alike_within),
+                   above = std::upper_bound(sorted.begin(), sorted.end(), value + alike_within);
+        value = 0.5f * static_cast<float>((below - sorted.begin()) + (above - sorted.begin())) /
+                    static_cast<float>(sorted.size()) -
+                0.5f;
+      }
     }
   }
 }
@@ -90,12 +109,13 @@ Shape::Shape(const Cloud& cloud, const Panorama& panorama, const ShapeOptions& o
     m.sum += point;
     m.squares += point * point.transpose();
     m.intensity += p.intensity;
+    m.squared += p.intensity * p.intensity;
   }
   std::sort(moments.begin(), moments.end(),
             [](const Moments& a, const Moments& b) { return a.cell < b.cell; });
   for (std::size_t i = 0; i < moments.size(); ++i) grid[moments[i].cell] = static_cast<int>(i);
 
-  std::vector<Patch> upright, level;
+  std::vector<Measured> upright, level;
   for (const Moments& own : moments) {
     Moments all;
     for (int z = -1; z <= 1; ++z) {
@@ -120,12 +140,17 @@ Shape::Shape(const Cloud& cloud, const Panorama& panorama, const ShapeOptions& o
     patch.intensity = own.intensity / static_cast<float>(own.count);
     const Eigen::Vector3f spread = solver.eigenvalues().cwiseMax(1e-6f).cwiseSqrt();
     patch.flatness = (spread[1] - spread[0]) / spread[1];
-    (patch.isLevel() ? level : upright).push_back(patch);
+    const float count = static_cast<float>(own.count);
+    const float variance = std::max(0.0f, own.squared / count - patch.intensity * patch.intensity);
+    (patch.isLevel() ? level : upright)
+        .push_back({patch, std::sqrt(variance / std::max(1.0f, count - 1.0f))});
   }
-  patches_ = thinned(upright, options.upright);
-  const std::vector<Patch> kept_level = thinned(level, options.level);
-  patches_.insert(patches_.end(), kept_level.begin(), kept_level.end());
-  flattenIntensities(patches_);
+  std::vector<Measured> kept = thinned(upright, options.upright);
+  const std::vector<Measured> kept_level = thinned(level, options.level);
+  kept.insert(kept.end(), kept_level.begin(), kept_level.end());
+  flattenIntensities(kept);
+  patches_.reserve(kept.size());
+  for (const Measured& m : kept) patches_.push_back(m.patch);
 
   lowest_ = static_cast<float>(panorama.options.min_elevation);
   highest_ = static_cast<float>(panorama.options.max_elevation);

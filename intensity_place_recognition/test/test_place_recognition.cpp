@@ -32,7 +32,7 @@ class PlaceRecognition : public mapping_common::ToolTest {
     std::istringstream in(mapping_common::readFile(dir_.path(out + "/places.csv")));
     std::string line;
     std::getline(in, line);
-    EXPECT_EQ("query,match,score,accepted,x,y,z,qx,qy,qz,qw", line);
+    EXPECT_EQ("query,match,score,accepted,x,y,z,qx,qy,qz,qw,evidence,margin,pieces", line);
     std::vector<Row> rows;
     while (std::getline(in, line)) {
       Row r{};

@@ -34,7 +34,9 @@ TEST(PlaceRecognizer, FindsAPlaceInAnyDirectionWithItsPose) {
     pose.translation().z() = 0.1;
     const Recognition again = recognizer.process(Street(seed).scan(pose));
     EXPECT_EQ(static_cast<int>(seed) - 1, again.match);
-    EXPECT_TRUE(again.registration.accepted) << again.registration.score;
+    EXPECT_TRUE(again.registration.accepted)
+        << again.registration.score << ", evidence " << again.registration.evidence << ", margin "
+        << again.margin << ", pieces " << again.registration.intensity.pieces;
     const Eigen::Isometry3d expected = Street::at(0.0, 0.0, 0.1 * seed).inverse() * pose;
     const Eigen::Isometry3d error = expected.inverse() * again.registration.pose;
     EXPECT_LT(error.translation().norm(), 0.1);

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
 // Streets of houses for tests, as a lidar with 32 rings sees them: walls of random depth and lightness on
-// both sides, poles, and ground with light marks.
+// both sides, poles, and ground with light marks. All are mottled, as surfaces are.
 #pragma once
 
 #include <cmath>
+#include <cstdint>
 #include <random>
 #include <vector>
 
@@ -65,12 +66,24 @@ class Street {
     Eigen::Vector3d low, high;
     double light;
   };
+  // 0 to 1, another one in each cube of 1.5 m.
+  static float mottle(const Eigen::Vector3d& at, unsigned seed) {
+    std::uint32_t hash = seed;
+    for (int i = 0; i < 3; ++i) {
+      hash ^= static_cast<std::uint32_t>(static_cast<std::int32_t>(std::floor(at[i] / 1.5 + 0.01)));
+      hash *= 2654435761u;
+      hash ^= hash >> 15;
+    }
+    return static_cast<float>(hash >> 8) / 16777216.0f;
+  }
   double hit(const Eigen::Vector3d& origin, const Eigen::Vector3d& ray, float& intensity) const {
     double nearest = 1e9;
     if (ray.z() < 0.0) {
       nearest = (-1.8 - origin.z()) / ray.z();
       const Eigen::Vector3d at = origin + nearest * ray;
-      intensity = std::fmod(std::abs(at.x()), 4.0) < 2.0 && std::abs(at.y()) < 0.2 ? 0.9f : 0.2f;
+      intensity = std::fmod(std::abs(at.x()), 4.0) < 2.0 && std::abs(at.y()) < 0.2
+                      ? 0.9f
+                      : 0.2f + 0.15f * mottle(at, 0);
     }
     for (const Box& box : boxes_) {
       double enter = 0.0, leave = nearest;
@@ -81,7 +94,8 @@ class Street {
       }
       if (enter <= 0.0 || enter >= leave) continue;
       nearest = enter;
-      intensity = static_cast<float>(0.1 + 0.8 * box.light);
+      intensity = static_cast<float>(0.1 + 0.6 * box.light) +
+                  0.2f * mottle(origin + enter * ray, static_cast<unsigned>(1e6 * box.light));
     }
     return nearest;
   }

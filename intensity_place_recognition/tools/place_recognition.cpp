@@ -198,14 +198,16 @@ std::vector<Recognition> recognizeAll(std::vector<Source>& sources, const Argume
 
 void writePlaces(const std::vector<Recognition>& found, const std::string& path) {
   mapping_common::writeFile(path, [&](std::ostream& out) {
-    out << "query,match,score,accepted,x,y,z,qx,qy,qz,qw\n" << std::fixed << std::setprecision(6);
+    out << "query,match,score,accepted,x,y,z,qx,qy,qz,qw,evidence,margin,pieces\n"
+        << std::fixed << std::setprecision(6);
     for (const Recognition& r : found) {
       const Eigen::Vector3d t = r.registration.pose.translation();
       Eigen::Quaterniond q(r.registration.pose.rotation());
       if (q.w() < 0.0) q.coeffs() *= -1.0;
       out << r.query << ',' << r.match << ',' << r.registration.score << ',' << r.registration.accepted;
       for (const double value : {t.x(), t.y(), t.z(), q.x(), q.y(), q.z(), q.w()}) out << ',' << value;
-      out << '\n';
+      out << ',' << r.registration.evidence << ',' << r.margin << ',' << r.registration.intensity.pieces
+          << '\n';
     }
   });
 }
@@ -243,6 +245,14 @@ ibuild_loop_closure::GroundTruth truthOf(const std::vector<Scan>& scans, const A
   return truth;
 }
 
+// At least 1 where a place is accepted: how far the criterion that is met the least is above its threshold.
+double confidence(const Recognition& r, const PlaceRecognizerOptions& options) {
+  const RegistrationOptions& o = options.registration;
+  const auto part = [](double value, double least) { return least > 0.0 ? value / least : 1e3; };
+  return std::min({part(r.registration.score, o.min_score), part(r.registration.evidence, o.min_evidence),
+                   part(r.margin, options.min_margin), part(r.registration.intensity.pieces, o.min_pieces)});
+}
+
 void writePrecisionRecall(const std::vector<Recognition>& found, const std::vector<Scan>& scans,
                           const Arguments& a) {
   const ibuild_loop_closure::GroundTruth truth = truthOf(scans, a);
@@ -254,7 +264,7 @@ void writePrecisionRecall(const std::vector<Recognition>& found, const std::vect
   std::vector<std::string> wrong;
   for (const Recognition& r : found) {
     if (!scans[r.query].has_pose || r.match < 0) continue;
-    proposals.push_back({r.query, r.match, r.registration.score, r.registration.accepted});
+    proposals.push_back({r.query, r.match, confidence(r, a.recognizer), r.registration.accepted});
     if (r.registration.accepted && !truth.isLoop(r.query, r.match))
       wrong.push_back(std::to_string(r.query) + " at " + std::to_string(r.match));
   }

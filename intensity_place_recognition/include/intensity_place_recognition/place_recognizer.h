@@ -3,6 +3,7 @@
 // Recognises places in 3D scans: scans go in one by one, and for each the place that it shows comes out.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <functional>
 #include <memory>
@@ -10,6 +11,8 @@
 #include <string>
 #include <vector>
 
+#include "intensity_place_recognition/alignment.h"
+#include "intensity_place_recognition/ground_plan.h"
 #include "intensity_place_recognition/place_index.h"
 #include "intensity_place_recognition/registration.h"
 #include "intensity_place_recognition/scene_description.h"
@@ -21,7 +24,8 @@ struct PlaceRecognizerOptions {
   int largest_hole = 4;
   DescriptionOptions description;
   ShapeOptions shape;
-  int neighbours = 50, candidates = 6, turns = 3, registrations = 2;
+  int neighbours = 1000, turns = 3, candidates = 30, registrations = 2;
+  double min_margin = 2.0;
   int beta = 0;
   RegistrationOptions registration;
 
@@ -34,6 +38,7 @@ struct Place {
   Shape shape;
 };
 
+/// A place that looks like a scan, from somewhere near.
 struct Candidate {
   int place = -1;
   std::vector<Signature::Turn> turns;  ///< the best first
@@ -44,6 +49,9 @@ struct Recognition {
   int match = -1;           ///< of the most likely place, -1: there is none before it
   float similarity = 0.0f;  ///< of the descriptions
   Registration registration;
+  /// By how many standard deviations its intensities correlate better than those of any rival: another place,
+  /// or another pose at it, where the shape fits about as well. 100: there is none
+  double margin = 0.0;
 };
 
 enum class Stage { kPanorama, kDescription, kShape, kSearch, kVerification };
@@ -64,13 +72,14 @@ class PlaceRecognizer {
   Place describe(
       const Cloud& cloud, const std::function<void(Stage)>& done = [](Stage) {}) const;
   void add(Place place);
-  /// Those that look like it most, the best first, among the places before `before`.
+  /// Those that look like it, among the places before `before`.
   std::vector<Candidate> candidates(const Signature& signature, int before) const;
 
   int places() const { return static_cast<int>(places_.size()); }
   const Place& place(int number) const { return places_.at(number); }
   const PlaceRecognizerOptions& options() const { return options_; }
-  void setMinScore(double score) { options_.registration.min_score = score; }
+  /// Takes over those that decide what is accepted.
+  void setThresholds(const PlaceRecognizerOptions& options);
 
   /// @throws std::runtime_error that names the file and what is wrong; load changes nothing then. It brings
   /// the
@@ -79,9 +88,22 @@ class PlaceRecognizer {
   void load(const std::string& path);
 
  private:
+  /// A place and a pose there that a scan may have been taken from.
+  struct Hypothesis {
+    int place = -1;
+    float similarity = 0.0f;   ///< of the descriptions
+    float correlation = 0.0f;  ///< of the plans
+    Alignment alignment;
+    double quality() const { return alignment.fit * std::max(0.0, alignment.intensity.value); }
+  };
+  /// The best by what stands where and how light it is, seen from above.
+  std::vector<Hypothesis> hypotheses(const Place& place, int before) const;
+  double margin(const Hypothesis& best, const Registration& found, const std::vector<Hypothesis>& all) const;
+
   PlaceRecognizerOptions options_;
   std::unique_ptr<SceneDescription> description_;
   std::vector<Place> places_;
+  std::vector<GroundPlan> plans_;  // of them
   PlaceIndex index_;
 };
 

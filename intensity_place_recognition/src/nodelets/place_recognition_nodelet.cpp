@@ -89,11 +89,11 @@ void PlaceRecognitionNodelet::start(mapping_common::Parameters& reader) {
 
   places_ = node.advertise<mapping_msgs::EdgeConstraint>("places", 100);
   if (parameters_.debug_image) debug_images_ = private_node.advertise<sensor_msgs::Image>("debug_image", 1);
-  allowReconfiguration<PlaceRecognitionParameters>(
-      parameters_, [this](const PlaceRecognitionParameters& changed) {
-        parameters_.min_interval = changed.min_interval;
-        recognizer_->setMinScore(changed.recognizer.registration.min_score);
-      });
+  allowReconfiguration<PlaceRecognitionParameters>(parameters_,
+                                                   [this](const PlaceRecognitionParameters& changed) {
+                                                     parameters_.min_interval = changed.min_interval;
+                                                     recognizer_->setThresholds(changed.recognizer);
+                                                   });
   Arrivals::Options options;
   options.drops.name = getName();
   options.drops.warning = "Dropped a cloud";

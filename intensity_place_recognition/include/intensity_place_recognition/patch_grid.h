@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "intensity_place_recognition/shape.h"
+
+namespace intensity_place_recognition {
+
+/// The patches of a scan by the cubes that they are in. It refers to the shape.
+class PatchGrid {
+ public:
+  explicit PatchGrid(const Shape& shape);
+  /// The nearest patch, nullptr: none within `reach`, which is at most kCell.
+  const Patch* nearest(const Eigen::Vector3f& point, float reach) const;
+
+  static constexpr float kCell = 0.5f;  // m
+
+ private:
+  const Shape* shape_;
+  Eigen::Vector3f origin_ = Eigen::Vector3f::Zero();
+  Eigen::Vector3i size_ = Eigen::Vector3i::Zero();  // with an empty cell around
+  std::vector<std::int32_t> first_, next_;          // of each cell; after each patch; -1: none
+};
+
+/// Which patch is about the nearest to any point, from a grid of all answers.
+class PatchField {
+ public:
+  explicit PatchField(const Shape& shape);
+  /// nullptr: none within about kReach. Of several about as near any.
+  const Patch* nearest(const Eigen::Vector3f& point) const {
+    const Eigen::Vector3f at = (point - origin_) / kCell;
+    if (!((at.array() >= 0.0f).all() && (at.array() < size_.cast<float>().array()).all())) return nullptr;
+    const Eigen::Vector3i cell = at.cast<int>();
+    const std::int32_t found =
+        index_[(static_cast<std::size_t>(cell.z()) * size_.y() + cell.y()) * size_.x() + cell.x()];
+    return found < 0 ? nullptr : &shape_->patches()[found];
+  }
+
+  static constexpr float kCell = 0.5f, kReach = 1.3f;  // m
+
+ private:
+  const Shape* shape_;
+  Eigen::Vector3f origin_ = Eigen::Vector3f::Zero();
+  Eigen::Vector3i size_ = Eigen::Vector3i::Zero();
+  std::vector<std::int32_t> index_;
+};
+
+}  // namespace intensity_place_recognition

@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "intensity_place_recognition/alignment.h"
+#include "intensity_place_recognition/ground_plan.h"
+#include "test_street.h"
+
+namespace intensity_place_recognition {
+namespace {
+
+Shape shapeOf(unsigned street, const Eigen::Isometry3d& pose) {
+  const Cloud cloud = Street(street).scan(pose);
+  const PanoramaOptions options;
+  return Shape(cloud, toPanorama(cloud, options, 4), ShapeOptions());
+}
+
+std::vector<std::pair<float, float>> correlated(double correlation, std::size_t count, double changed) {
+  std::mt19937 random(5);
+  std::normal_distribution<double> normal;
+  std::vector<std::pair<float, float>> pairs;
+  for (std::size_t i = 0; i < count; ++i) {
+    const double x = normal(random), noise = normal(random);
+    double y = correlation * x + std::sqrt(1.0 - correlation * correlation) * noise;
+    if (static_cast<double>(i) < changed * static_cast<double>(count)) y = 20.0 * normal(random);
+    pairs.emplace_back(static_cast<float>(x), static_cast<float>(3.0 + 7.0 * y));
+  }
+  return pairs;
+}
+
+TEST(RobustCorrelation, IsThatOfMostPairsWhateverTheOthersAre) {
+  for (const double correlation : {-0.6, 0.0, 0.5, 0.9})
+    EXPECT_NEAR(correlation, robustCorrelation(correlated(correlation, 20000, 0.0)), 0.03);
+  EXPECT_GT(robustCorrelation(correlated(0.9, 20000, 0.1)), 0.75);
+  EXPECT_EQ(0.0, robustCorrelation({}));
+  EXPECT_EQ(0.0, robustCorrelation({{1.0f, 1.0f}, {1.0f, 2.0f}, {1.0f, 3.0f}, {1.0f, 4.0f}}));
+}
+
+// Of many draws of uncorrelated pairs, the evidence for a correlation is about standard normal.
+TEST(Evidence, IsInStandardDeviations) {
+  std::mt19937 random(2);
+  std::normal_distribution<float> normal;
+  const int draws = 2000, pieces = 150;
+  double squares = 0.0, differences = 0.0;
+  for (int i = 0; i < draws; ++i) {
+    Correlation drawn[2];
+    for (Correlation& c : drawn) {
+      std::vector<std::pair<float, float>> pairs;
+      for (int k = 0; k < pieces; ++k) pairs.emplace_back(normal(random), normal(random));
+      c = {robustCorrelation(pairs), pieces};
+    }
+    squares += std::pow(evidence(drawn[0], 0.0), 2);
+    differences += std::pow(evidence(drawn[0], drawn[1]), 2);
+  }
+  EXPECT_NEAR(1.0, std::sqrt(squares / draws), 0.1);
+  EXPECT_NEAR(1.0, std::sqrt(differences / draws), 0.1);
+  EXPECT_GT(evidence({0.6, 400}, 0.3), evidence({0.6, 100}, 0.3));
+  EXPECT_LT(evidence({0.3, 100}, {0.6, 100}), 0.0);
+}
+
+TEST(PatchGrid, FindsTheNearest) {
+  const Shape shape = shapeOf(1, Street::at(0.0, 0.0, 0.3));
+  const PatchGrid grid(shape);
+  const PatchField field(shape);
+  std::mt19937 random(3);
+  std::uniform_real_distribution<float> uniform(-25.0f, 25.0f), height(-2.5f, 5.0f);
+  int found = 0;
+  for (int i = 0; i < 3000; ++i) {
+    const Eigen::Vector3f point(uniform(random), uniform(random), height(random));
+    float squared = 1e9f;
+    for (const Patch& p : shape.patches()) squared = std::min(squared, (p.point - point).squaredNorm());
+    const Patch* nearest = grid.nearest(point, 0.5f);
+    EXPECT_EQ(squared < 0.25f, nearest != nullptr);
+    if (nearest) {
+      EXPECT_EQ(squared, (nearest->point - point).squaredNorm());
+    }
+    found += nearest != nullptr;
+    const Patch* about = field.nearest(point);
+    const float cell = 0.5f * std::sqrt(3.0f) * PatchField::kCell;  // from its middle to its corner
+    if (std::sqrt(squared) < PatchField::kReach - cell) {
+      ASSERT_NE(nullptr, about);
+    }
+    if (about) {
+      EXPECT_LE((about->point - point).norm(), std::sqrt(squared) + 2.0f * cell);
+    }
+  }
+  EXPECT_GT(found, 50);
+  EXPECT_EQ(nullptr, grid.nearest(Eigen::Vector3f::Constant(NAN), 0.5f));
+  EXPECT_EQ(nullptr, field.nearest(Eigen::Vector3f::Constant(NAN)));
+  EXPECT_EQ(nullptr, PatchGrid(Shape()).nearest(Eigen::Vector3f::Zero(), 0.5f));
+  EXPECT_EQ(nullptr, PatchField(Shape()).nearest(Eigen::Vector3f::Zero()));
+}
+
+TEST(GroundPlan, FindsTheShiftThatAlignmentMakesAPose) {
+  for (unsigned seed = 1; seed <= 4; ++seed) {
+    const Eigen::Isometry3d at = Street::at(0.0, 0.0, 0.1), again = Street::at(3.0, -1.5, 0.1 + 0.7 * seed);
+    const Shape place = shapeOf(seed, at), query = shapeOf(seed, again);
+    const Eigen::Isometry3d expected = at.inverse() * again;
+    const double yaw = 0.7 * seed + 0.02;
+    const GroundPlan::Shift shift = GroundPlan(query, yaw).bestShift(GroundPlan(place, 0.0), 6.0f);
+    EXPECT_NEAR(expected.translation().x(), shift.x, 2.0) << seed;
+    EXPECT_NEAR(expected.translation().y(), shift.y, 2.0) << seed;
+    EXPECT_GT(shift.correlation,
+              GroundPlan(query, yaw).bestShift(GroundPlan(shapeOf(seed + 10, at), 0.0), 6.0f).correlation);
+
+    Eigen::Isometry3d guess(Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ()));
+    guess.translation() << shift.x, shift.y, 0.0;
+    const Alignment alignment = Aligner(query)(place, guess);
+    const Eigen::Isometry3d error = expected.inverse() * alignment.pose;
+    EXPECT_LT(error.translation().norm(), 0.2) << seed;
+    EXPECT_LT(Eigen::AngleAxisd(error.linear()).angle(), 0.01) << seed;
+    EXPECT_GT(alignment.fit, 0.5) << seed;
+    EXPECT_GT(alignment.intensity.value, 0.4) << seed;
+  }
+}
+
+TEST(GroundPlan, IsBestWhereItIs) {
+  const Shape shape = shapeOf(2, Street::at(0.0, 0.0, 0.0));
+  const GroundPlan plan(shape, 0.0);
+  const GroundPlan::Shift shift = plan.bestShift(plan, 6.0f);
+  EXPECT_EQ(0.0f, shift.x);
+  EXPECT_EQ(0.0f, shift.y);
+  EXPECT_GT(shift.correlation, 0.8f);
+  EXPECT_LT(shift.correlation, 1.001f);
+  EXPECT_TRUE(GroundPlan().empty());
+}
+
+}  // namespace
+}  // namespace intensity_place_recognition
