@@ -172,8 +172,8 @@ bool Shape::isSound() const {
   return rows_ > 0 && columns_ > 0 && lowest_ < highest_ &&
          nearest_.size() == static_cast<std::size_t>(rows_) * columns_ &&
          std::all_of(patches_.begin(), patches_.end(), [](const Patch& p) {
-           return p.point.allFinite() && p.normal.allFinite() && std::isfinite(p.intensity) &&
-                  std::isfinite(p.flatness);
+           return p.point.norm() < ShapeOptions::kFarthest && p.normal.allFinite() &&
+                  std::isfinite(p.intensity) && std::isfinite(p.flatness);
          });
 }
 

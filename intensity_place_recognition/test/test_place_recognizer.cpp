@@ -164,6 +164,25 @@ TEST(PlaceRecognizer, LeavesOutWhatWasNotMeasured) {
   }
 }
 
+// An archive that reads a damaged file: one patch is elsewhere.
+struct Damage {
+  float x;
+  void operator()(std::vector<Patch>& patches) const { patches.back().point.x() = x; }
+  template <class Value>
+  void operator()(Value&) const {}
+};
+
+TEST(Shape, IsNotSoundWithPatchesThatNoScannerSees) {
+  const Place place = PlaceRecognizer().describe(Street(1).scan(Street::at(0.0, 0.0, 0.0)));
+  ASSERT_TRUE(place.shape.isSound());
+  for (const float x : {1e30f, -300.0f, NAN, -INFINITY}) {
+    Shape damaged = place.shape;
+    Damage damage{x};
+    damaged.transfer(damage);
+    EXPECT_FALSE(damaged.isSound()) << x;
+  }
+}
+
 /// A small motion, translation first.
 Eigen::Isometry3d motion(const Eigen::Matrix<double, 6, 1>& small) {
   const Eigen::Vector3d turn = small.tail<3>();

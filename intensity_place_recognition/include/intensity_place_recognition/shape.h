@@ -15,12 +15,13 @@
 namespace intensity_place_recognition {
 
 struct ShapeOptions {
+  static constexpr double kFarthest = 200.0;  ///< m, which bounds what grids of patches take
   double voxel = 0.5, radius = 50.0;
   int upright = 2500, level = 1000;
 
   void describe(mapping_common::OptionList& o) {
     o("voxel", voxel, "m", "size of a patch of surface").within(0.02, 10.0);
-    o("radius", radius, "m", "patches farther away aren't kept").within(1.0, 1000.0);
+    o("radius", radius, "m", "patches farther away aren't kept").within(1.0, kFarthest);
     o("upright", upright, "", "at most so many patches of walls, poles and plants").within(50, 100000);
     o("level", level, "", "at most so many of the ground and the like").within(0, 100000);
   }
