@@ -60,6 +60,21 @@ TEST_F(Appearance, IsNoSurerThanALoopOfTheLaser) {
   EXPECT_LT(covariance(0, 0), 4.0 * loop_.sigma_distance * loop_.sigma_distance) << "a room tells where";
 }
 
+// A scan that isn't of its key pose: sought among the others it is where it isn't, and the other way round
+// not.
+TEST_F(Appearance, RefusesWhatTheWayBackContradicts) {
+  const double stamp = 1e-9 * static_cast<double>(graph_.nodes()[27].stamp) - 0.001;  // before the other
+  KeyData elsewhere = toKeyData(lookAtRoom(path_[27] * planarPose(0.2, 0.0, 0.0), stamp));
+  elsewhere.key_pose = idOf(27);
+  elsewhere.frame = "base_link";
+  SessionWriter(file_, true).put(std::move(elsewhere));
+  session_ = std::make_unique<Session>(file_);
+  ASSERT_EQ(2u, session_->dataAt(idOf(27), DataKind::kScan).size());
+  const ScanMatch match = this->match(2, 27);
+  EXPECT_FALSE(match.sure);
+  EXPECT_NE(std::string::npos, match.why.find("the two ways round differ by 0.")) << match.why;
+}
+
 TEST_F(Appearance, SaysWhatIsMissing) {
   const ScanMatch later = matchScans(*session_, graph_, idOf(2), 12345, {}, {}, loop_, {});
   EXPECT_FALSE(later.sure);

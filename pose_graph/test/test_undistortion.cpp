@@ -12,7 +12,7 @@ namespace slam = intensity_hector_slam;
 constexpr std::int64_t kMs = 1'000'000;
 constexpr double kSweep = 0.025;  // s
 
-// Turns while it drives, faster and faster, on a slope of time.
+// Turns while it drives, and gets faster.
 Pose poseAt(double t) {
   return planarPose(-1.0 + 1.2 * t, 0.3 * t * t, 0.2 + 0.8 * t);
 }
