@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
 // The nodelet goes on in a map that was made anew, and nothing that came meanwhile is missing.
+#include <mapping_common/testing/corrected_map_faults.h>
 #include <mapping_common/testing/nodelet_test.h>
 #include <mapping_common/testing/temp_dir.h>
 #include <mapping_msgs/CorrectedMap.h>
@@ -141,27 +142,7 @@ TEST_F(MapCorrection, OthersAreRefusedAndTheMapStays) {
     expectDiagnostic("Map", "Corrected maps refused", std::to_string(++refused));
     EXPECT_EQ(0.0, difference(before, map()));
   };
-  const auto good = messageOf(mapOf(kLast));
-  auto message = good;
-  message.header.frame_id = "elsewhere";
-  expectRefused(message);
-  message = good;
-  message.correction.orientation.w = 3.0;
-  expectRefused(message);
-  message = good;
-  message.correction.position.y = 1e300;
-  expectRefused(message);
-  message = good;
-  message.header.stamp = ros::Time(4294967295U, 999999999U);
-  expectRefused(message);
-  message = good;
-  message.corrected_from = ros::Time(4294967295U, 0);
-  expectRefused(message);
-  message = good;
-  message.data.resize(message.data.size() / 2);
-  expectRefused(message);
-  message.data.assign(1000, 'x');
-  expectRefused(message);
+  for (const auto& faulty : mapping_common::faultyCopies(messageOf(mapOf(kLast)))) expectRefused(faulty);
   MapOptions options;
   options.resolution = 0.05;
   expectRefused(messageOf(MultiMap(options)));

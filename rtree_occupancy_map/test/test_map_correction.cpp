@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
 // The nodelet goes on in a map that was made anew, and nothing that came meanwhile is missing.
+#include <mapping_common/testing/corrected_map_faults.h>
 #include <mapping_msgs/CorrectedMap.h>
 
 #include <algorithm>
-#include <cmath>
 
 #include "nodelet_fixture.h"
 
@@ -95,32 +95,9 @@ TEST_F(MapCorrection, OthersAreRefusedAndTheMapStays) {
     expectDiagnostic("Map", "Corrected maps refused", std::to_string(++refused));
     EXPECT_EQ(voxelsOf(reference_), voxels());
   };
-  const auto good = correctedMap(new_, map_frame_, stamp(1), kCorrection);
-  auto message = good;
-  message.header.frame_id = "elsewhere";
-  expectRefused(message);
-  message = good;
-  message.correction.orientation.w = 3.0;
-  expectRefused(message);
-  message = good;
-  message.correction.position.y = 1e300;
-  expectRefused(message);
-  message = good;
-  message.header.stamp = ros::Time(4294967295U, 999999999U);
-  expectRefused(message);
-  message = good;
-  message.corrected_from = ros::Time(4294967295U, 0);
-  expectRefused(message);
-  message = good;
-  message.correction.position.x = NAN;
-  expectRefused(message);
-  message = good;
-  message.data.resize(message.data.size() / 2);
-  expectRefused(message);
-  message.data.clear();
-  expectRefused(message);
-  message.data.assign(1000, 'x');
-  expectRefused(message);
+  for (const auto& faulty :
+       mapping_common::faultyCopies(correctedMap(new_, map_frame_, stamp(1), kCorrection)))
+    expectRefused(faulty);
   Options coarse;
   coarse.resolution = 0.3;
   expectRefused(correctedMap(OccupancyMap(coarse), map_frame_, stamp(1), kCorrection));
