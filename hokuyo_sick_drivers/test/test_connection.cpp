@@ -25,12 +25,15 @@
 namespace hokuyo_sick_drivers {
 namespace {
 
+constexpr std::chrono::seconds kPatience(20);
+
 bool waitFor(const std::function<bool()>& condition) {
-  for (int i = 0; i < 2000; ++i) {
+  const auto end = std::chrono::steady_clock::now() + kPatience;
+  while (std::chrono::steady_clock::now() < end) {
     if (condition()) return true;
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
   }
-  return false;
+  return condition();
 }
 
 // Says hello, answers each byte that it gets with the next in the alphabet, says bye at the end.
@@ -267,9 +270,9 @@ TEST(ConnectionTest, workIsDoneAndTheEndComesDuringALookUp) {
   EXPECT_TRUE(waitFor([&] { return asked.load(); }));
   std::promise<void> worked;
   connection->post([&](Nanoseconds) { worked.set_value(); });
-  EXPECT_EQ(worked.get_future().wait_for(std::chrono::seconds(1)), std::future_status::ready);
+  EXPECT_EQ(worked.get_future().wait_for(kPatience), std::future_status::ready);
   auto ended = std::async(std::launch::async, [&] { connection.reset(); });
-  EXPECT_EQ(ended.wait_for(std::chrono::seconds(1)), std::future_status::ready);
+  EXPECT_EQ(ended.wait_for(kPatience), std::future_status::ready);
   answer.set_value();
 }
 

@@ -1,13 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
 // The programs as their users run them, seen by a raw client.
-#include <arpa/inet.h>
 #include <fcntl.h>
 #include <gtest/gtest.h>
-#include <netinet/in.h>
 #include <poll.h>
 #include <sys/socket.h>
-#include <sys/wait.h>
 #include <termios.h>
 #include <unistd.h>
 
@@ -20,65 +17,12 @@
 #include "emulator_host.h"
 #include "faults.h"
 #include "mapping_common/testing/temp_dir.h"
+#include "program.h"
 
 namespace device_emulators {
 namespace {
 
 using mapping_common::TempDir;
-constexpr int kPatience = 30;  // s
-
-// A program and what it prints.
-class Program {
- public:
-  explicit Program(std::vector<std::string> arguments) {
-    int ends[2];
-    if (pipe(ends) != 0) return;
-    process_ = fork();
-    if (process_ == 0) {
-      dup2(ends[1], STDOUT_FILENO);
-      close(ends[0]);
-      std::vector<char*> raw;
-      for (std::string& argument : arguments) raw.push_back(argument.data());
-      raw.push_back(nullptr);
-      execv(raw[0], raw.data());
-      _exit(127);
-    }
-    close(ends[1]);
-    output_ = ends[0];
-  }
-  ~Program() {
-    if (process_ > 0) {
-      kill(process_, SIGKILL);
-      waitpid(process_, nullptr, 0);
-    }
-    close(output_);
-  }
-  bool isReady() {
-    std::string text;
-    char byte;
-    pollfd readable{output_, POLLIN, 0};
-    while (poll(&readable, 1, kPatience * 1000) == 1 && read(output_, &byte, 1) == 1 && byte != '\n')
-      text += byte;
-    return text == "ready";
-  }
-  /// Ends it and returns what it printed, "" unless it ended well.
-  std::string stop(int signal = SIGINT) {
-    if (signal > 0) kill(process_, signal);
-    std::string text;
-    char buffer[256];
-    for (ssize_t size; (size = read(output_, buffer, sizeof buffer)) > 0;) text.append(buffer, size);
-    int status = -1;
-    waitpid(process_, &status, 0);
-    process_ = 0;
-    status_ = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-    return status_ == 0 ? text : "";
-  }
-  int status() const { return status_; }
-
- private:
-  pid_t process_ = -1;
-  int output_ = -1, status_ = -1;
-};
 
 // Reads until the text has come.
 std::string readUntil(int descriptor, const std::string& end) {
@@ -100,11 +44,12 @@ void say(int descriptor, const std::string& bytes) {
 }
 
 bool eventually(const std::function<bool()>& condition) {
-  for (int i = 0; i < kPatience * 100; ++i) {
+  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(kPatience);
+  while (std::chrono::steady_clock::now() < end) {
     if (condition()) return true;
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
   }
-  return false;
+  return condition();
 }
 
 // What a tool prints on standard output, and its exit status.
@@ -112,24 +57,6 @@ std::pair<std::string, int> runTool(const std::vector<std::string>& arguments) {
   Program tool(arguments);
   std::string text = tool.stop(0);
   return {text, tool.status()};
-}
-
-sockaddr_in localAddress(int port) {
-  sockaddr_in address{};
-  address.sin_family = AF_INET;
-  address.sin_port = htons(static_cast<std::uint16_t>(port));
-  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  return address;
-}
-
-int freePort() {
-  const int listener = socket(AF_INET, SOCK_STREAM, 0);
-  sockaddr_in address = localAddress(0);
-  socklen_t size = sizeof address;
-  bind(listener, reinterpret_cast<sockaddr*>(&address), size);
-  getsockname(listener, reinterpret_cast<sockaddr*>(&address), &size);
-  close(listener);
-  return ntohs(address.sin_port);
 }
 
 int connectTo(int port) {

@@ -4,7 +4,6 @@
 #include <mapping_common/testing/nodelet_test.h>
 #include <netinet/in.h>
 #include <ros/ros.h>
-#include <rosgraph_msgs/Log.h>
 #include <sensor_msgs/LaserScan.h>
 #include <sensor_msgs/MultiEchoLaserScan.h>
 #include <std_srvs/Trigger.h>
@@ -233,22 +232,17 @@ TEST_F(HokuyoNodeletTest, advisesWhereIntensitiesStallTheDevice) {
 }
 
 TEST_F(HokuyoNodeletTest, saysThatItIsConnectedEachTime) {
-  const auto countOf = [](const Recorder<rosgraph_msgs::Log>& log, const std::string& words) {
-    int count = 0;
-    for (const auto& message : log.messages) count += message.msg.find(words) != std::string::npos ? 1 : 0;
-    return count;
-  };
   auto server = std::make_unique<FakeServer>();
   connectTo(*server);
   const std::uint16_t port = server->port;
   const std::string name = "127.0.0.1:" + std::to_string(port);
-  Recorder<rosgraph_msgs::Log> log(node_, "/rosout");
-  mapping_common::spinFor(0.5);  // to be connected
+  mapping_common::LogRecorder log(node_);
+  ASSERT_TRUE(log.waitForLink());
   ASSERT_TRUE(load());
-  for (int i = 1; i <= 3; ++i) {
-    EXPECT_TRUE(waitFor([&] { return countOf(log, "Connected to " + name) == i; })) << i;
+  for (std::size_t i = 1; i <= 3; ++i) {
+    EXPECT_TRUE(waitFor([&] { return log.count("Connected to " + name) == i; })) << i;
     server.reset();  // a cable that is pulled, and put back
-    EXPECT_TRUE(waitFor([&] { return countOf(log, "Connection to " + name + " lost") == i; })) << i;
+    EXPECT_TRUE(waitFor([&] { return log.count("Connection to " + name + " lost") == i; })) << i;
     server = std::make_unique<FakeServer>(port);
   }
 }

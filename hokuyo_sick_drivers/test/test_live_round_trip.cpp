@@ -10,67 +10,26 @@
 #include <ros/callback_queue.h>
 #include <sensor_msgs/LaserScan.h>
 #include <sys/resource.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
-#include <csignal>
 #include <fstream>
 #include <mutex>
 #include <sstream>
 #include <string>
 #include <vector>
 
+#include "program.h"
 #include "round_trip.h"
 
 namespace hokuyo_sick_drivers {
 namespace {
 
+using device_emulators::Program;
 using mapping_common::findRecording;
 using mapping_common::TempDir;
 using mapping_common::waitFor;
 using mapping_common::withoutRecording;
 
 const double kSeconds = static_cast<double>(environment("LIVE_SECONDS", 4));
-
-/// A program, until it is stopped.
-class Program {
- public:
-  explicit Program(std::vector<std::string> arguments) {
-    int ready[2];
-    if (pipe(ready) != 0) throw std::runtime_error("no pipe");
-    process_ = fork();
-    if (process_ == 0) {
-      dup2(ready[1], STDOUT_FILENO);
-      close(ready[0]);
-      std::vector<char*> argv;
-      for (std::string& argument : arguments) argv.push_back(&argument[0]);
-      argv.push_back(nullptr);
-      execv(argv[0], argv.data());
-      _exit(127);
-    }
-    close(ready[1]);
-    output_ = fdopen(ready[0], "r");
-    char line[256];
-    while (fgets(line, sizeof line, output_) && std::string(line).find("ready") == std::string::npos) {
-    }
-  }
-  ~Program() { stop(); }
-
-  /// @return its exit status, -1 if it didn't exit by itself
-  int stop() {
-    if (process_ <= 0) return -1;
-    kill(process_, SIGINT);
-    int status = 0;
-    waitpid(process_, &status, 0);
-    process_ = 0;
-    fclose(output_);
-    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-  }
-
- private:
-  pid_t process_ = 0;
-  FILE* output_ = nullptr;
-};
 
 double cpuSeconds() {
   rusage usage{};
@@ -127,7 +86,6 @@ class LiveRoundTrip : public testing::Test {
     ASSERT_TRUE(loader.load(name_, "hokuyo_sick_drivers/" + type, {}, {}));
     // What it takes a busy machine to start isn't measured.
     ASSERT_TRUE(waitFor([this] { return scans_.size() > 5; }, 60.0));
-    const std::size_t before = scans_.size();
     const double cpu = cpuSeconds();
     const ros::WallTime start = ros::WallTime::now();
     while (ros::WallTime::now() - start < ros::WallDuration(kSeconds)) {
@@ -135,9 +93,11 @@ class LiveRoundTrip : public testing::Test {
     }
     const double seconds = (ros::WallTime::now() - start).toSec();
     cpu_ = (cpuSeconds() - cpu) / seconds;
-    rate_ = static_cast<double>(scans_.size() - before) / seconds;
     loader.unload(name_);
     ros::spinOnce();
+    // By stamps, as it is the device's: scans may arrive late where a machine has other work.
+    rate_ = static_cast<double>(scans_.size() - 1) /
+            (scans_.back()->header.stamp - scans_.front()->header.stamp).toSec();
   }
 
   /// @param expected makes of a scan as the emulator knows it one as it is to be published
@@ -176,7 +136,8 @@ class LiveRoundTrip : public testing::Test {
   }
 
   /// A Hokuyo over TCP that sees what is in a bag, or a room.
-  void hokuyo(int port, std::vector<std::string> source) {
+  void hokuyo(const std::vector<std::string>& source) {
+    const int port = device_emulators::freePort();
     std::vector<std::string> arguments{HOKUYO_EMULATOR,
                                        "--tcp",
                                        std::to_string(port),
@@ -192,10 +153,12 @@ class LiveRoundTrip : public testing::Test {
                                        "16774000"};
     arguments.insert(arguments.end(), source.begin(), source.end());
     Program emulator(arguments);
+    ASSERT_TRUE(emulator.isReady());
     setParam("ip_address", "127.0.0.1");
     setParam("ip_port", port);
     ASSERT_NO_FATAL_FAILURE(run("HokuyoNodelet"));
-    EXPECT_EQ(0, emulator.stop());
+    emulator.stop();
+    EXPECT_EQ(0, emulator.status());
     compare(dir_.path("truth.csv"), 25 * kMillisecond, expectedHokuyo);
     EXPECT_NEAR(40.0, rate_, 2.0);
     for (const auto& scan : scans_) ASSERT_EQ(1081u, scan->ranges.size());
@@ -213,24 +176,25 @@ TEST_F(LiveRoundTrip, Hokuyo) {
   const char *bag = std::getenv("LIVE_BAG"), *topic = std::getenv("LIVE_TOPIC");
   std::vector<std::string> source;
   if (bag != nullptr) source = {"--bag", bag, "--topic", topic != nullptr ? topic : "/scan"};
-  hokuyo(10941, source);
+  hokuyo(source);
   EXPECT_EQ(1081u, scans_.front()->intensities.size());
 }
 
 TEST_F(LiveRoundTrip, HokuyoOfRecordedScans) {
   const std::string name = "rosbags_2d/hokuyo_721.bag", bag = findRecording(name);
   if (bag.empty()) GTEST_SKIP() << withoutRecording(name);
-  hokuyo(10942, {"--bag", bag, "--topic", "/scan"});
+  hokuyo({"--bag", bag, "--topic", "/scan"});
 }
 
 TEST_F(LiveRoundTrip, HokuyoOfRecordedIntensities) {
   const std::string name = "sick_tim781s_rssi/tim781s_static_a.bag", bag = findRecording(name);
   if (bag.empty()) GTEST_SKIP() << withoutRecording(name);
-  hokuyo(10943, {"--bag", bag, "--topic", "/scan"});
+  hokuyo({"--bag", bag, "--topic", "/scan"});
 }
 
 TEST_F(LiveRoundTrip, SickWithIntensities) {
   Program emulator({SICK_EMULATOR, "--pty", dir_.path("tty"), "--truth", dir_.path("truth.csv")});
+  ASSERT_TRUE(emulator.isReady());
   setParam("port", dir_.path("tty"));
   setParam("baud", 500000);
   setParam("angle", 180);
@@ -238,7 +202,8 @@ TEST_F(LiveRoundTrip, SickWithIntensities) {
   setParam("intensity", std::string("normalised"));
   setParam("realtime_index", std::string("enabled"));
   ASSERT_NO_FATAL_FAILURE(run("SickNodelet"));
-  EXPECT_EQ(0, emulator.stop());
+  emulator.stop();
+  EXPECT_EQ(0, emulator.status());
   compare(dir_.path("truth.csv"), kSecond / 75,
           [](const device_emulators::SentScan& sent) { return expectedSick(sent, 0x1FFF); });
   for (const auto& scan : scans_) ASSERT_EQ(181u, scan->intensities.size());

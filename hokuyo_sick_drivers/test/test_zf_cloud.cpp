@@ -3,15 +3,13 @@
 // From points to clouds, PCD files and bags, by zf_convert, too.
 #include <gtest/gtest.h>
 #include <mapping_common/files.h>
-#include <mapping_common/testing/temp_dir.h>
+#include <mapping_common/testing/tool_test.h>
 #include <pcl/io/pcd_io.h>
 #include <pcl/point_types.h>
 #include <rosbag/bag.h>
 #include <rosbag/view.h>
-#include <sys/wait.h>
 
 #include <cmath>
-#include <cstdlib>
 #include <filesystem>
 #include <random>
 #include <sstream>
@@ -226,11 +224,10 @@ const char* const kPtx =
 class ZfConvert : public ::testing::Test {
  protected:
   int run(const std::string& arguments) {
-    const std::string command =
-        "cd " + dir_.path() + " && " + ZF_CONVERT + " -q " + arguments + " >" + dir_.path("out") + " 2>&1";
-    const int status = std::system(command.c_str());
-    output_ = mapping_common::readFile(dir_.path("out"));
-    return WEXITSTATUS(status);
+    const mapping_common::Ran ran =
+        mapping_common::run("cd " + dir_.path() + " && " + ZF_CONVERT + " -q " + arguments);
+    output_ = ran.said();
+    return ran.code;
   }
   bool exists(const std::string& name) { return std::filesystem::exists(dir_.path(name)); }
 

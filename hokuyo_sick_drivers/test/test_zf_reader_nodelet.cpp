@@ -27,7 +27,7 @@ class ZfReaderNodelet : public mapping_common::NodeletTest {
       : NodeletTest("hokuyo_sick_drivers/ZfReaderNodelet", "zf_reader"),
         clouds_(node_, "cloud"),
         poses_(node_, "/tf_static"),
-        log_(node_, "/rosout") {
+        log_(node_) {
     setParam("rate", 20.0);
     setParam("frame_id", test_);
   }
@@ -51,7 +51,7 @@ class ZfReaderNodelet : public mapping_common::NodeletTest {
   mapping_common::TempDir dir_;
   Recorder<sensor_msgs::PointCloud2> clouds_;
   Recorder<tf2_msgs::TFMessage> poses_;
-  Recorder<rosgraph_msgs::Log> log_;
+  mapping_common::LogRecorder log_;
 };
 
 TEST_F(ZfReaderNodelet, PublishesTheGridAndThePose) {
@@ -113,7 +113,7 @@ TEST_F(ZfReaderNodelet, StopsAtOnceWhileItReads) {
 }
 
 TEST_F(ZfReaderNodelet, SaysWhatIsWrongWithAFile) {
-  spinFor(0.5);  // to be connected
+  ASSERT_TRUE(log_.waitForLink());
   loadFile("a.ptx", std::string(kPtx).substr(0, 80));
   ASSERT_TRUE(loaded_);
   EXPECT_TRUE(mentions(fatal(), {"a.ptx", "line "}));

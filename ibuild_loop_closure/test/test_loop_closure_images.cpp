@@ -5,11 +5,10 @@
 #include <gtest/gtest.h>
 #include <mapping_common/files.h>
 #include <mapping_common/testing/recordings.h>
-#include <mapping_common/testing/temp_dir.h>
+#include <mapping_common/testing/tool_test.h>
 #include <rosbag/bag.h>
 #include <sensor_msgs/Image.h>
 
-#include <cstdlib>
 #include <filesystem>
 #include <opencv2/imgcodecs.hpp>
 #include <sstream>
@@ -26,23 +25,16 @@ struct Loop {
   int query, match;
 };
 
-class LoopClosureImages : public ::testing::Test {
+class LoopClosureImages : public mapping_common::ToolTest {
  protected:
+  LoopClosureImages() : ToolTest(LOOP_CLOSURE_IMAGES) {}
+
   std::string folder(const std::string& name, int offset) const {
     std::filesystem::create_directory(dir_.path(name));
     for (int i = 0; i < kWalk; ++i) {
       cv::imwrite(dir_.path(name + "/image" + std::to_string(i) + ".png"), renderWalk(i, offset));
     }
     return dir_.path(name);
-  }
-  // What it printed.
-  std::string run(const std::string& arguments, int expected = 0) const {
-    const std::string command =
-        std::string(LOOP_CLOSURE_IMAGES) + ' ' + arguments + " > " + dir_.path("log") + " 2>&1";
-    const int status = std::system(command.c_str());
-    const std::string log = mapping_common::readFile(dir_.path("log"));
-    EXPECT_EQ(expected, WEXITSTATUS(status)) << log;
-    return log;
   }
   std::vector<Loop> loops() const {
     std::istringstream in(mapping_common::readFile(dir_.path("out/loops.csv")));
@@ -75,15 +67,14 @@ class LoopClosureImages : public ::testing::Test {
     return rows;
   }
   static bool withFigures() {
-    return std::system("/usr/bin/python3 -c 'import matplotlib' 2> /dev/null") == 0;
+    return mapping_common::run("/usr/bin/python3 -c 'import matplotlib'").code == 0;
   }
-  const mapping_common::TempDir dir_;
   const std::string out_ = " --out " + dir_.path("out");
 };
 
 TEST_F(LoopClosureImages, FindsTheSecondWalkAndWritesAll) {
-  const std::string log = run("--images " + folder("a", 0) + " --images " + folder("b", 3) +
-                              " --walks 4 --deltas 50 --save " + dir_.path("v") + out_);
+  const std::string log = outputOf("--images " + folder("a", 0) + " --images " + folder("b", 3) +
+                                   " --walks 4 --deltas 50 --save " + dir_.path("v") + out_);
   expectTheSecondWalk();
   EXPECT_NE(std::string::npos, log.find("Precision 100.00 %")) << log;
   expectPictures({"pairs.png"});
@@ -97,7 +88,7 @@ TEST_F(LoopClosureImages, WritesTheDataWithoutMatplotlib) {
   dir_.write("matplotlib.py", "raise ImportError('No module named matplotlib')");
   setenv("PYTHONPATH", dir_.path().c_str(), 1);
   const std::string log =
-      run("--images " + folder("a", 0) + " --images " + folder("b", 3) + " --walks 4" + out_);
+      outputOf("--images " + folder("a", 0) + " --images " + folder("b", 3) + " --walks 4" + out_);
   unsetenv("PYTHONPATH");
   EXPECT_NE(std::string::npos, log.find("install python3-matplotlib")) << log;
   EXPECT_NE(std::string::npos, log.find("no figures were drawn")) << log;
@@ -112,10 +103,11 @@ TEST_F(LoopClosureImages, TakesGroundTruthAsIntervalsOrPoses) {
   std::ostringstream intervals, poses;
   for (int i = 0; i < kWalk; ++i) intervals << i + kWalk << ' ' << std::max(0, i - 4) << ' ' << i + 4 << '\n';
   for (int i = 0; i < 2 * kWalk; ++i) poses << "0 " << i % kWalk << " 0 0 0 0 0 1\n";
+  EXPECT_NE(
+      std::string::npos,
+      outputOf(images + " --ground-truth " + dir_.write("t", intervals.str())).find("Precision 100.00 %"));
   EXPECT_NE(std::string::npos,
-            run(images + " --ground-truth " + dir_.write("t", intervals.str())).find("Precision 100.00 %"));
-  EXPECT_NE(std::string::npos,
-            run(images + " --gap 10 --max-distance 4.5 --poses " + dir_.write("p", poses.str()))
+            outputOf(images + " --gap 10 --max-distance 4.5 --poses " + dir_.write("p", poses.str()))
                 .find("Precision 100.00 %"));
   EXPECT_EQ(2 * kWalk + 1, rows("trajectory.csv"));
   if (withFigures()) expectPictures({"trajectory.png"});
@@ -125,7 +117,7 @@ TEST_F(LoopClosureImages, RunsEachMethodAndEstimatesDelta) {
   const std::string images =
       "--images " + folder("a", 0) + " --images " + folder("b", 3) + " --walks 4" + out_;
   for (const char* method : {"thesis", "thesis+grouping", "thesis+geometry"}) {
-    run(images + " --delta auto --method " + method);
+    outputOf(images + " --delta auto --method " + method);
     EXPECT_GE(loops().size(), kWalk / 3u) << method;
   }
 }
@@ -141,11 +133,11 @@ TEST_F(LoopClosureImages, ReadsBags) {
       bag.write("image", header.stamp, image.toCompressedImageMsg());
     }
   }
-  run("--bag " + dir_.path("a.bag") + " --image image" + out_);
+  outputOf("--bag " + dir_.path("a.bag") + " --image image" + out_);
   expectTheSecondWalk();
-  run("--bag " + dir_.path("a.bag") + " --image raw" + out_);
+  outputOf("--bag " + dir_.path("a.bag") + " --image raw" + out_);
   EXPECT_NE(std::string::npos,
-            run("--bag " + dir_.path("a.bag") + " --image none" + out_, 1).find("topic none"));
+            outputOf("--bag " + dir_.path("a.bag") + " --image none" + out_, 1).find("topic none"));
 }
 
 TEST_F(LoopClosureImages, GivesTransformsWithRightImages) {
@@ -153,8 +145,8 @@ TEST_F(LoopClosureImages, GivesTransformsWithRightImages) {
   constexpr double kPixel = 2.0 / 300.0;
   const std::string arguments = "--images " + folder("a", 0) + " --images " + folder("b", 4);
   const std::string camera = " --camera 300 300 160 120 --baseline " + std::to_string(kDisparity * kPixel);
-  run(arguments + " --right " + folder("c", kDisparity) + " --right " + folder("d", 4 + kDisparity) + camera +
-      out_);
+  outputOf(arguments + " --right " + folder("c", kDisparity) + " --right " + folder("d", 4 + kDisparity) +
+           camera + out_);
   std::istringstream in(mapping_common::readFile(dir_.path("out/transforms.csv")));
   std::string line;
   std::getline(in, line);
@@ -170,29 +162,29 @@ TEST_F(LoopClosureImages, GivesTransformsWithRightImages) {
   }
   EXPECT_GE(transforms, kWalk / 3);
   EXPECT_NE(std::string::npos,
-            run(arguments + " --right " + dir_.path("c") + out_, 2).find("--right needs --camera"));
+            outputOf(arguments + " --right " + dir_.path("c") + out_, 2).find("--right needs --camera"));
   EXPECT_NE(std::string::npos,
-            run(arguments + " --right " + dir_.path("c") + camera + out_, 1).find("equal numbers"));
+            outputOf(arguments + " --right " + dir_.path("c") + camera + out_, 1).find("equal numbers"));
 }
 
 TEST_F(LoopClosureImages, LeavesOutWhatItCantRead) {
   const std::string a = folder("a", 0), b = folder("b", 3);
   dir_.write("a/image5.png", "no image");
-  const std::string log = run("--images " + a + " --images " + b + out_);
+  const std::string log = outputOf("--images " + a + " --images " + b + out_);
   EXPECT_NE(std::string::npos, log.find("image5.png can't be read"));
   expectTheSecondWalk();  // ids are those of the files
 }
 
 TEST_F(LoopClosureImages, SaysWhatIsWrong) {
-  EXPECT_NE(std::string::npos, run("--images /nowhere" + out_, 1).find("no folder /nowhere"));
-  EXPECT_NE(std::string::npos, run(out_, 2).find("--images or --bag"));
-  EXPECT_NE(std::string::npos, run("--images . --method magic" + out_, 2).find("--method is magic"));
+  EXPECT_NE(std::string::npos, outputOf("--images /nowhere" + out_, 1).find("no folder /nowhere"));
+  EXPECT_NE(std::string::npos, outputOf(out_, 2).find("--images or --bag"));
+  EXPECT_NE(std::string::npos, outputOf("--images . --method magic" + out_, 2).find("--method is magic"));
 }
 
 TEST_F(LoopClosureImages, GardensPoint) {
   const std::string data = mapping_common::findRecording("gardens_point");
   if (data.empty()) GTEST_SKIP() << mapping_common::withoutRecording("gardens_point");
-  run("--images " + data + "/day_left --images " + data + "/day_right --walks 5" + out_);
+  outputOf("--images " + data + "/day_left --images " + data + "/day_right --walks 5" + out_);
   int correct = 0;
   for (const Loop& loop : loops()) {
     EXPECT_NEAR(loop.query - 120, loop.match, 5);

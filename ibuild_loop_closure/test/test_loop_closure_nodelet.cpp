@@ -101,17 +101,15 @@ TEST_F(LoopClosure, PublishesLoops) {
 }
 
 TEST_F(LoopClosure, SaysEachLoop) {
-  Recorder<rosgraph_msgs::Log> log(node_, "/rosout");
+  mapping_common::LogRecorder log(node_);
   ASSERT_TRUE(load());
-  spinFor(0.5);  // to be connected
+  ASSERT_TRUE(log.waitForLink());
   walk(0, 2 * kWalk);
   ASSERT_TRUE(waitForKeyFrames(2 * kWalk));
-  spinFor(0.5);
-  const auto loops = std::count_if(log.messages.begin(), log.messages.end(), [](const rosgraph_msgs::Log& m) {
-    return m.level == rosgraph_msgs::Log::INFO && m.msg.find("shows the place of image") != std::string::npos;
-  });
-  EXPECT_EQ(edges_.messages.size(), static_cast<std::size_t>(loops));
-  EXPECT_GT(loops, 0);
+  EXPECT_TRUE(waitFor([&] {
+    const std::size_t loops = log.count("shows the place of image");
+    return loops > 0 && loops == edges_.messages.size();
+  })) << edges_.messages.size();
 }
 
 TEST_F(LoopClosure, TakesCompressedImages) {

@@ -3,15 +3,13 @@
 // The tool from end to end, on bags of a scanner whose f(r, alpha) is known.
 #include <gtest/gtest.h>
 #include <mapping_common/files.h>
-#include <mapping_common/testing/temp_dir.h>
+#include <mapping_common/testing/tool_test.h>
 #include <rosbag/bag.h>
 #include <rosbag/view.h>
-#include <sys/wait.h>
 #include <tf2_msgs/TFMessage.h>
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <filesystem>
 #include <functional>
 
@@ -27,8 +25,9 @@ namespace {
 using mapping_common::errorOf;
 using mapping_common::mentions;
 
-class Calibrate : public testing::Test {
+class Calibrate : public mapping_common::ToolTest {
  protected:
+  Calibrate() : ToolTest(CALIBRATE) {}
   void SetUp() override {
     // A white wall, from all distances, at changing angles.
     rosbag::Bag bag(bag_, rosbag::bagmode::Write);
@@ -41,14 +40,6 @@ class Calibrate : public testing::Test {
     bag.write("/note", ros::Time(10.0), tf2_msgs::TFMessage());
   }
 
-  /// The exit code; what was said is in output().
-  int run(const std::string& arguments) {
-    const std::string command = std::string(CALIBRATE) + ' ' + arguments + " >" + dir_.path("log") + " 2>&1";
-    return WEXITSTATUS(std::system(command.c_str()));
-  }
-  std::string output() { return mapping_common::readFile(dir_.path("log")); }
-
-  mapping_common::TempDir dir_;
   const std::string bag_ = dir_.path("wall.bag"), out_ = dir_.path("calibration.yaml");
 };
 

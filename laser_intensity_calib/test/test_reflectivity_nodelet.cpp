@@ -58,13 +58,16 @@ class ReflectivityNodelet : public mapping_common::NodeletTest {
                         arrays.intensities);
   }
 
-  /// The answer to a scan.
-  sensor_msgs::LaserScan answer(const sensor_msgs::LaserScan& scan) {
+  /// The answer to a scan, which is told by a frame of its own from those to others that are on their way.
+  sensor_msgs::LaserScan answer(sensor_msgs::LaserScan scan) {
     Recorder<sensor_msgs::LaserScan> results(node_, "scan_reflectivity");
     EXPECT_TRUE(waitFor([this] { return scans_.getNumSubscribers() > 0; }));
-    spinFor(0.3);  // the nodelet hears of its subscriber
+    EXPECT_TRUE(results.waitForLink());
+    scan.header.frame_id = "laser" + std::to_string(++answers_);
     scans_.publish(scan);
-    EXPECT_TRUE(results.waitForOne());
+    EXPECT_TRUE(waitFor([&] {
+      return !results.messages.empty() && results.messages.back().header.frame_id == scan.header.frame_id;
+    }));
     return results.messages.empty() ? sensor_msgs::LaserScan() : results.messages.back();
   }
   static void expectSame(const Eigen::ArrayXf& expected, const std::vector<float>& result) {
@@ -93,6 +96,7 @@ class ReflectivityNodelet : public mapping_common::NodeletTest {
   mapping_common::TempDir dir_;
   const std::string file_ = dir_.path("calibration.yaml");
   Calibration calibration_;
+  int answers_ = 0;
   ros::Publisher scans_, clouds_;
 };
 
@@ -114,7 +118,6 @@ TEST_F(ReflectivityNodelet, SurvivesWhateverArrives) {
       clouds_.publish(bad);
     }
   });
-  spinFor(0.5);
   expectDiagnostic("Nodelet", "Callbacks that failed", "0");
   expectSame(expected(scan), answer(scan).intensities);
 }
@@ -125,7 +128,7 @@ TEST_F(ReflectivityNodelet, GivesTheReflectivityOfScans) {
   const sensor_msgs::LaserScan result = answer(scan);
   expectSame(expected(scan), result.intensities);
   EXPECT_EQ(scan.header.stamp, result.header.stamp);
-  EXPECT_EQ(scan.header.frame_id, result.header.frame_id);
+  EXPECT_EQ("laser1", result.header.frame_id);
   EXPECT_EQ(scan.ranges, result.ranges);
   EXPECT_NEAR(0.5, result.intensities[270 + 40], 0.05);
   const long valid = (!expected(scan).isNaN()).count();
@@ -145,7 +148,7 @@ TEST_F(ReflectivityNodelet, GivesTheReflectivityOfClouds) {
     }
   }
   Recorder<sensor_msgs::PointCloud2> results(node_, "cloud_reflectivity");
-  spinFor(0.3);
+  ASSERT_TRUE(results.waitForLink());
   clouds_.publish(makeCloud(points, intensities));
   ASSERT_TRUE(results.waitForOne());
   sensor_msgs::PointCloud2ConstIterator<float> value(results.messages[0], "reflectivity");
@@ -170,7 +173,7 @@ TEST_F(ReflectivityNodelet, TakesOffWhatTheLasersOfACloudAdd) {
     }
   }
   Recorder<sensor_msgs::PointCloud2> results(node_, "cloud_reflectivity");
-  spinFor(0.3);
+  ASSERT_TRUE(results.waitForLink());
   const sensor_msgs::PointCloud2 cloud = makeCloud(points, intensities);
   clouds_.publish(cloud);  // without rings
   clouds_.publish(withRings(cloud, rings));
@@ -255,7 +258,7 @@ TEST_F(ReflectivityNodelet, NoScanIsLostOrMixedWhileItReloads) {
   const Eigen::ArrayXf once = expected(scan);
 
   Recorder<sensor_msgs::LaserScan> results(node_, "scan_reflectivity");
-  spinFor(0.5);
+  ASSERT_TRUE(results.waitForLink());
   constexpr int kRounds = 12, kScans = 5;
   std::atomic<int> refused{0}, read{0};
   std::thread other([&] {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <gtest/gtest.h>
 #include <mapping_common/files.h>
+#include <mapping_common/testing/tool_test.h>
 #include <mapping_simulation/posed_scan.h>
 #include <mapping_simulation/ros/conversions.h>
 #include <mapping_simulation/ros/simulation_bag.h>
@@ -10,13 +11,9 @@
 #include <rosbag/view.h>
 #include <rosgraph_msgs/Clock.h>
 #include <sensor_msgs/point_cloud2_iterator.h>
-#include <sys/wait.h>
 #include <tf2_msgs/TFMessage.h>
 
 #include <cmath>
-#include <cstdlib>
-#include <fstream>
-#include <iterator>
 #include <map>
 
 namespace mapping_simulation {
@@ -217,17 +214,8 @@ TEST_F(SimulationBag, RefusesWhatMakesNoSense) {
   EXPECT_TRUE(std::filesystem::is_empty(dir_.path()));
 }
 
-// Exit code and error output of the tool.
-struct Outcome {
-  int code;
-  std::string text;
-};
-
-Outcome runTool(const TempDir& dir, const std::string& arguments) {
-  const std::string log = dir.path("log");
-  const int status = std::system((std::string(SIMULATE) + " " + arguments + " > " + log + " 2>&1").c_str());
-  std::ifstream in(log);
-  return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, {std::istreambuf_iterator<char>(in), {}}};
+mapping_common::Ran runTool(const std::string& arguments) {
+  return mapping_common::run(std::string(SIMULATE) + ' ' + arguments);
 }
 
 TEST(Tool, WritesABagAndTheGroundTruthAndRepeatsItself) {
@@ -235,9 +223,10 @@ TEST(Tool, WritesABagAndTheGroundTruthAndRepeatsItself) {
   const std::string arguments = "--world " + configFile("worlds/laboratory.yaml") + " --sensor " +
                                 configFile("simulator/sick_lms291.yaml") + " --duration 0.2 --seed 4";
   const std::string tum = dir.path("truth.tum");
-  const Outcome first = runTool(dir, arguments + " --out " + dir.path("a.bag") + " --ground-truth " + tum);
-  ASSERT_EQ(first.code, 0) << first.text;
-  ASSERT_EQ(runTool(dir, arguments + " --out " + dir.path("b.bag")).code, 0);
+  const mapping_common::Ran first =
+      runTool(arguments + " --out " + dir.path("a.bag") + " --ground-truth " + tum);
+  ASSERT_EQ(first.code, 0) << first.said();
+  ASSERT_EQ(runTool(arguments + " --out " + dir.path("b.bag")).code, 0);
   rosbag::Bag a(dir.path("a.bag")), b(dir.path("b.bag"));
   const auto scans = messages<sensor_msgs::LaserScan>(a, "/scan"),
              again = messages<sensor_msgs::LaserScan>(b, "/scan");
@@ -268,8 +257,8 @@ noise: 2
            " --duration 0.25 --world-seed " + std::to_string(world_seed);
   };
   const auto run = [&](const std::string& more) {
-    const Outcome outcome = runTool(dir, more);
-    EXPECT_EQ(outcome.code, 0) << outcome.text;
+    const mapping_common::Ran outcome = runTool(more);
+    EXPECT_EQ(outcome.code, 0) << outcome.said();
   };
   run(arguments(1) + " --out " + dir.path("a.bag") + " --images " + dir.path("a"));
   run(arguments(1) + " --images " + dir.path("b"));
@@ -305,9 +294,9 @@ TEST(Tool, BadInputHasAMessageAndAnExitCodeAndLeavesNoFile) {
   const std::string sensor = " --sensor " + configFile("simulator/sick_lms291.yaml");
   const std::string out = " --out " + dir.path("a.bag");
   const auto expect = [&](const std::string& arguments, int code, const std::string& message) {
-    const Outcome outcome = runTool(dir, arguments);
+    const mapping_common::Ran outcome = runTool(arguments);
     EXPECT_EQ(outcome.code, code) << arguments;
-    EXPECT_NE(outcome.text.find(message), std::string::npos) << outcome.text;
+    EXPECT_NE(outcome.said().find(message), std::string::npos) << outcome.said();
     EXPECT_FALSE(std::filesystem::exists(dir.path("a.bag")));
   };
   expect("--help", 0, "Usage: simulate");

@@ -3,9 +3,9 @@
 // simulate_city as a user runs it.
 #include <gtest/gtest.h>
 #include <mapping_common/files.h>
+#include <mapping_common/testing/tool_test.h>
 #include <mapping_simulation/testing/worlds.h>
 
-#include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <sstream>
@@ -14,23 +14,16 @@
 namespace mapping_simulation {
 namespace {
 
-class SimulateCity : public ::testing::Test {
+class SimulateCity : public mapping_common::ToolTest {
  protected:
-  std::string run(const std::string& arguments, int expected) const {
-    const int status = std::system(
-        (std::string(SIMULATE_CITY) + ' ' + arguments + " > " + dir_.path("log") + " 2>&1").c_str());
-    const std::string log = mapping_common::readFile(dir_.path("log"));
-    EXPECT_EQ(expected, WEXITSTATUS(status)) << log;
-    return log;
-  }
-  TempDir dir_;
+  SimulateCity() : ToolTest(SIMULATE_CITY) {}
 };
 
 TEST_F(SimulateCity, WritesCloudsImagesAndPosesOfAllVisits) {
   const std::string out = dir_.path("city");
-  run("--sensor " + configFile("simulator/velodyne_vlp16.yaml") + " --sensor " +
-          configFile("simulator/camera_front.yaml") + " --places 2 --out " + out,
-      0);
+  outputOf("--sensor " + configFile("simulator/velodyne_vlp16.yaml") + " --sensor " +
+               configFile("simulator/camera_front.yaml") + " --places 2 --out " + out,
+           0);
   std::istringstream visits(mapping_common::readFile(out + "/visits.csv"));
   std::string line;
   std::getline(visits, line);
@@ -61,12 +54,14 @@ TEST_F(SimulateCity, WritesCloudsImagesAndPosesOfAllVisits) {
 }
 
 TEST_F(SimulateCity, SaysWhatIsWrong) {
-  EXPECT_NE(std::string::npos, run("--out " + dir_.path("city"), 2).find("--sensor"));
+  EXPECT_NE(std::string::npos, outputOf("--out " + dir_.path("city"), 2).find("--sensor"));
   const std::string planar = configFile("simulator/hokuyo_utm30lx.yaml");
-  EXPECT_NE(std::string::npos, run("--sensor " + planar + " --out " + dir_.path("city"), 1).find("planar"));
-  const std::string camera = " --sensor " + configFile("simulator/camera_front.yaml");
   EXPECT_NE(std::string::npos,
-            run(camera + camera + " --out " + dir_.path("city"), 1).find("two sensors with the topic front"));
+            outputOf("--sensor " + planar + " --out " + dir_.path("city"), 1).find("planar"));
+  const std::string camera = " --sensor " + configFile("simulator/camera_front.yaml");
+  EXPECT_NE(
+      std::string::npos,
+      outputOf(camera + camera + " --out " + dir_.path("city"), 1).find("two sensors with the topic front"));
 }
 
 }  // namespace

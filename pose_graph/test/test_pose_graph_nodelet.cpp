@@ -98,7 +98,7 @@ class PoseGraphNodeletTest : public mapping_common::NodeletTest {
     pose.pose = toMessage(drifted(i));
     poses_.publish(pose);
   }
-  void publishScan(int i, float scale = 1.0F) {
+  sensor_msgs::LaserScan scanOf(int i, float scale = 1.0F) const {
     const auto seen = lookAtRoom(truth(i), kStart + i);
     sensor_msgs::LaserScan scan;
     scan.header.stamp = stamp(i);
@@ -112,7 +112,22 @@ class PoseGraphNodeletTest : public mapping_common::NodeletTest {
       scan.ranges.push_back(scale * seen.points[k].norm());
       scan.intensities.push_back(seen.reflectivities[k]);
     }
-    scans_.publish(scan);
+    return scan;
+  }
+  void publishScan(int i, float scale = 1.0F) { scans_.publish(scanOf(i, scale)); }
+  sensor_msgs::PointCloud2 cloudOf(int i) const {
+    const auto points = cloudOfRoom(truth(i), 0.0).hits;
+    sensor_msgs::PointCloud2 cloud;
+    cloud.header.stamp = stamp(i);
+    cloud.header.frame_id = test_ + "_base";
+    sensor_msgs::PointCloud2Modifier(cloud).setPointCloud2FieldsByString(1, "xyz");
+    sensor_msgs::PointCloud2Modifier(cloud).resize(points.size());
+    sensor_msgs::PointCloud2Iterator<float> x(cloud, "x");
+    for (const Eigen::Vector3f& point : points) {
+      x[0] = point.x(), x[1] = point.y(), x[2] = point.z();
+      ++x;
+    }
+    return cloud;
   }
   void drive(int from, int to) {
     for (int i = from; i < to; ++i) {
@@ -374,18 +389,7 @@ TEST_F(PoseGraphNodeletTest, CloudMapsWaitForTheFrontEnd) {
   ASSERT_TRUE(waitFor([&] { return clouds.getNumSubscribers() > 0; }));
   for (int i = 0; i < 45; i += 5) {
     drive(i, i + 5);
-    const auto points = cloudOfRoom(truth(i + 5), 0.0).hits;
-    sensor_msgs::PointCloud2 cloud;
-    cloud.header.stamp = stamp(i + 5);
-    cloud.header.frame_id = test_ + "_base";
-    sensor_msgs::PointCloud2Modifier(cloud).setPointCloud2FieldsByString(1, "xyz");
-    sensor_msgs::PointCloud2Modifier(cloud).resize(points.size());
-    sensor_msgs::PointCloud2Iterator<float> x(cloud, "x");
-    for (const Eigen::Vector3f& point : points) {
-      x[0] = point.x(), x[1] = point.y(), x[2] = point.z();
-      ++x;
-    }
-    clouds.publish(cloud);
+    clouds.publish(cloudOf(i + 5));
     spinFor(0.1);
   }
   loops_.publish(loop(10, 40));
@@ -434,31 +438,31 @@ TEST_F(PoseGraphNodeletTest, TfIsPublishedWhereAskedFor) {
 
 TEST_F(PoseGraphNodeletTest, SurvivesAnything) {
   setParam("rebuild_period", 1.0);
+  ros::Publisher clouds = node_.advertise<sensor_msgs::PointCloud2>("cloud", 100);
   ASSERT_TRUE(load());
+  ASSERT_TRUE(waitFor([&] { return clouds.getNumSubscribers() > 0; }));
   drive(0, 40);
+  const sensor_msgs::LaserScan good_scan = scanOf(41);
+  const sensor_msgs::PointCloud2 good_cloud = cloudOf(41);
   mapping_common::fuzz({test_ + "_base", "map"}, [&](mapping_common::MessageFuzz& fuzz) {
     const int i = fuzz.pick<int>({0, 1, 5, 20, 39, 41, 42});
     EdgeConstraint message =
         fuzz.pick<int>({0, 1}) == 0 ? consecutive(i) : loop(fuzz.pick<int>({0, 3, 10}), i);
-    fuzz.spoil(message.header);
-    fuzz.spoilStamp(message.from_stamp);
-    fuzz.spoilStamp(message.to_stamp);
-    fuzz.spoilFrame(message.frame_id);
-    if (fuzz.hit()) message.type = fuzz.pick<std::uint8_t>({0, 1, 2, 3, 255});
-    if (fuzz.hit()) message.has_transform = fuzz.pick<std::uint8_t>({0, 1});
-    auto& p = message.transform.position;
-    auto& q = message.transform.orientation;
-    for (double* value : {&p.x, &p.y, &p.z, &q.x, &q.y, &q.z, &q.w}) fuzz.spoilNumber(*value);
-    for (double& value : message.information) fuzz.spoilNumber(value);
-    fuzz.spoilNumber(message.similarity);
+    fuzz.spoil(message);
     (fuzz.pick<int>({0, 1}) == 0 ? edges_ : loops_).publish(message);
     geometry_msgs::PoseStamped pose;
     pose.header.stamp = stamp(i);
     pose.pose = toMessage(truth(i));
-    fuzz.spoil(pose.header);
-    fuzz.spoilNumber(pose.pose.position.x);
-    fuzz.spoilNumber(pose.pose.orientation.w);
+    fuzz.spoil(pose);
     poses_.publish(pose);
+    sensor_msgs::LaserScan scan = good_scan;
+    scan.header.stamp = stamp(i);
+    fuzz.spoil(scan);
+    scans_.publish(scan);
+    sensor_msgs::PointCloud2 cloud = good_cloud;
+    cloud.header.stamp = stamp(i);
+    fuzz.spoil(cloud);
+    clouds.publish(cloud);
   });
   expectDiagnostic("Nodelet", "Callbacks that failed", "0");
 }

@@ -7,15 +7,13 @@
 #include <laser_intensity_calib/statistics.h>
 #include <mapping_common/files.h>
 #include <mapping_common/testing/recordings.h>
-#include <mapping_common/testing/temp_dir.h>
+#include <mapping_common/testing/tool_test.h>
 #include <mapping_simulation/testing/worlds.h>
 #include <rosbag/bag.h>
 #include <rosbag_tests/evaluations/calibration_evaluation.h>
 #include <sensor_msgs/LaserScan.h>
-#include <sys/wait.h>
 
 #include <cmath>
-#include <cstdlib>
 #include <random>
 #include <sstream>
 
@@ -235,15 +233,9 @@ TEST(Street, SurfacesAndLasers) {
   }
 }
 
-class Tool : public testing::Test {
+class Tool : public mapping_common::ToolTest {
  protected:
-  /// The exit code; what was said is in output().
-  int run(const std::string& arguments) {
-    const std::string command =
-        std::string(EVALUATE_CALIBRATION) + ' ' + arguments + " >" + dir_.path("log") + " 2>&1";
-    return WEXITSTATUS(std::system(command.c_str()));
-  }
-  std::string output() { return mapping_common::readFile(dir_.path("log")); }
+  Tool() : ToolTest(EVALUATE_CALIBRATION) {}
 
   // A wall ahead at many distances, its left half of half the reflectivity.
   std::string bagOfAWall() {
@@ -269,8 +261,6 @@ class Tool : public testing::Test {
     }
     return file;
   }
-
-  mapping_common::TempDir dir_;
 };
 
 TEST_F(Tool, JudgesABag) {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <gtest/gtest.h>
 #include <mapping_common/files.h>
-#include <mapping_common/testing/temp_dir.h>
+#include <mapping_common/testing/tool_test.h>
 #include <mapping_simulation/testing/worlds.h>
 #include <nav_msgs/Odometry.h>
 #include <rosbag/bag.h>
@@ -12,7 +12,6 @@
 #include <sensor_msgs/LaserScan.h>
 
 #include <cmath>
-#include <cstdlib>
 #include <filesystem>
 
 namespace rosbag_tests {
@@ -141,9 +140,11 @@ TEST_F(CarmenBag, ReadersSayWhatIsMissing) {
 
 // The tools themselves, end to end.
 TEST_F(CarmenBag, Tools) {
-  const auto run = [&](const std::string& command) {
-    const int status = std::system((command + " >" + dir_.path("out") + " 2>" + dir_.path("err")).c_str());
-    return WEXITSTATUS(status);
+  std::string out;
+  const auto run = [&out](const std::string& command) {
+    const mapping_common::Ran ran = mapping_common::run(command);
+    out = ran.out;
+    return ran.code;
   };
   const std::string log = dir_.write("a.clf", kLog);
   ASSERT_EQ(0, run(CARMEN_TO_BAG " " + log + " " + bag() + " --stamps " + dir_.path("stamps") +
@@ -152,12 +153,11 @@ TEST_F(CarmenBag, Tools) {
       dir_.write("a.relations", "100.1 101.3 2.5 0 0 0 0 0\n100.1 99 1 0 0 0 0 0\n");
   ASSERT_EQ(0, run(RELATIONS_METRIC " --trajectory " + dir_.path("t.tum") + " --relations " + relations +
                    " --stamps " + dir_.path("stamps") + " --json " + dir_.path("r.json")));
-  EXPECT_TRUE(mentions(mapping_common::readFile(dir_.path("out")),
-                       {"relations: 1 used, 1 without a pose", "0.5000"}));
+  EXPECT_TRUE(mentions(out, {"relations: 1 used, 1 without a pose", "0.5000"}));
   EXPECT_TRUE(mentions(mapping_common::readFile(dir_.path("r.json")), {"\"unmatched\": 1"}));
   ASSERT_EQ(
       0, run(TRAJECTORY_ERROR " --reference " + bag() + " --parent odom --estimate " + dir_.path("t.tum")));
-  EXPECT_TRUE(mentions(mapping_common::readFile(dir_.path("out")), {"delta pose error: 4 used", "absolute"}));
+  EXPECT_TRUE(mentions(out, {"delta pose error: 4 used", "absolute"}));
   EXPECT_EQ(
       1, run(TRAJECTORY_ERROR " --reference " + bag() + " --topic /none --estimate " + dir_.path("t.tum")));
   EXPECT_EQ(2, run(TRAJECTORY_ERROR));

@@ -2,20 +2,16 @@
 //
 // The program that compares the map with OctoMap's.
 #include <gtest/gtest.h>
-#include <mapping_common/testing/temp_dir.h>
+#include <mapping_common/testing/tool_test.h>
 #include <mapping_simulation/ros/simulation_bag.h>
 #include <mapping_simulation/simulator.h>
 #include <mapping_simulation/testing/worlds.h>
 #include <rtree_occupancy_map/occupancy_map.h>
-#include <sys/wait.h>
 
 #include <array>
 #include <cmath>
-#include <cstdlib>
 #include <filesystem>
-#include <fstream>
 #include <initializer_list>
-#include <iterator>
 #include <map>
 #include <set>
 #include <sstream>
@@ -38,9 +34,9 @@ using mapping_simulation::writeSimulationBag;
 namespace {
 
 /// Runs compare_octomap.
-class Tool : public testing::Test {
+class Tool : public mapping_common::ToolTest {
  protected:
-  Tool() {
+  Tool() : ToolTest(COMPARE_OCTOMAP) {
     // Scans 0 to 4 from the same place in a tube of 2 m radius.
     std::vector<float> values;
     for (int i = 0; i < 3000; ++i) {
@@ -57,36 +53,22 @@ class Tool : public testing::Test {
     dir_.write("scans/poses.txt", poses);
   }
 
-  /// Gives the exit code and fills out_ and err_.
-  int run(const std::string& arguments) {
-    const std::string command =
-        std::string(COMPARE_OCTOMAP) + " " + arguments + " > " + dir_.path("out") + " 2> " + dir_.path("err");
-    const int status = std::system(command.c_str());
-    out_ = read("out");
-    err_ = read("err");
-    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-  }
+  std::string read(const std::string& name) const { return mapping_common::readFile(dir_.path(name)); }
 
-  std::string read(const std::string& name) const {
-    std::ifstream in(dir_.path(name));
-    return {std::istreambuf_iterator<char>(in), {}};
-  }
-
-  TempDir dir_;
-  std::string scans_ = dir_.path("scans"), out_, err_;
+  const std::string scans_ = dir_.path("scans");
 };
 
 TEST_F(Tool, ExplainsItself) {
   EXPECT_EQ(run("--help"), 0);
-  EXPECT_TRUE(mentions(out_, {"Usage: compare_octomap", "--scans", "--bag", "--json", "--max-range"}));
-  EXPECT_EQ(err_, "");
+  EXPECT_TRUE(mentions(ran_.out, {"Usage: compare_octomap", "--scans", "--bag", "--json", "--max-range"}));
+  EXPECT_EQ(ran_.err, "");
 }
 
 TEST_F(Tool, RefusesWrongUsage) {
   const auto expect = [&](const std::string& arguments, const char* message) {
     EXPECT_EQ(run(arguments), 2) << arguments;
-    EXPECT_TRUE(mentions(err_, {"compare_octomap: ", message})) << arguments;
-    EXPECT_EQ(out_, "") << arguments;
+    EXPECT_TRUE(mentions(ran_.err, {"compare_octomap: ", message})) << arguments;
+    EXPECT_EQ(ran_.out, "") << arguments;
   };
   const std::string scans = "--scans " + scans_;
   expect("", "either --scans or --bag is needed");
@@ -111,8 +93,8 @@ TEST_F(Tool, RefusesWrongUsage) {
 TEST_F(Tool, SaysWhichFileIsMissing) {
   const auto expect = [&](const std::string& arguments, std::initializer_list<const char*> messages) {
     EXPECT_EQ(run(arguments), 1) << arguments;
-    EXPECT_TRUE(mentions(err_, {"compare_octomap: "}));
-    EXPECT_TRUE(mentions(err_, messages)) << arguments;
+    EXPECT_TRUE(mentions(ran_.err, {"compare_octomap: "}));
+    EXPECT_TRUE(mentions(ran_.err, messages)) << arguments;
   };
   const std::string scans = "--scans " + scans_;
   expect("--scans /nowhere/scans", {"/nowhere/scans", "no such file"});
@@ -128,7 +110,7 @@ TEST_F(Tool, WritesFiguresAndMap) {
   ASSERT_EQ(run("--scans " + scans_ + " --fusion equal thesis --max-entries 8 32 --json " +
                 dir_.path("a.json") + " --save " + dir_.path("map")),
             0)
-      << err_;
+      << ran_.err;
   const auto json = parseJson(read("a.json"));
   EXPECT_FALSE(std::filesystem::exists(dir_.path("a.json.part")));
   EXPECT_EQ(json.get<int>("scans"), 5);
@@ -143,8 +125,8 @@ TEST_F(Tool, WritesFiguresAndMap) {
   }
   EXPECT_GT(json.get<long>("voxels_compared"), 1000);
   EXPECT_EQ(json.get<long>("voxels_differing"), 0);
-  EXPECT_TRUE(mentions(out_, {"5 scans, 15,000 points, 0.2 m, beam model", "R-tree (equal, M 8)",
-                              "R-tree (thesis, M 32)", "of another class 0, of other log odds 0"}));
+  EXPECT_TRUE(mentions(ran_.out, {"5 scans, 15,000 points, 0.2 m, beam model", "R-tree (equal, M 8)",
+                                  "R-tree (thesis, M 32)", "of another class 0, of other log odds 0"}));
   const auto map = rtree_occupancy_map::OccupancyMap::load(dir_.path("map"));
   EXPECT_EQ(map.tree().size(), json.get<std::size_t>("rtree_occupancy_map.cells"));
   EXPECT_EQ(map.options().tree.max_entries, 8);
@@ -170,7 +152,7 @@ TEST_F(Tool, DumpsWhatBothMapsSay) {
   ASSERT_EQ(run("--scans " + scans_ + " --dump " + dir_.path("a.csv") +
                 " --dump-every 10 --max-range 5 --save " + dir_.path("map")),
             0)
-      << err_;
+      << ran_.err;
   const auto map = rtree_occupancy_map::OccupancyMap::load(dir_.path("map"));
   std::map<std::string, int> states;
   std::set<std::array<std::string, 3>> places;
@@ -199,7 +181,7 @@ TEST_F(Tool, WritesBackAndSharesOut) {
   std::string first;
   for (const char* how :
        {"", " --write-back-every 1", " --write-back-every 100 --threads 2", " --threads 0"}) {
-    ASSERT_EQ(run("--scans " + scans_ + how + " --json " + dir_.path("a.json")), 0) << err_;
+    ASSERT_EQ(run("--scans " + scans_ + how + " --json " + dir_.path("a.json")), 0) << ran_.err;
     const auto json = parseJson(read("a.json"));
     EXPECT_EQ(json.get<int>("voxels_differing"), 0);
     EXPECT_EQ(json.get<int>("log_odds_differing"), 0);
@@ -211,7 +193,7 @@ TEST_F(Tool, WritesBackAndSharesOut) {
 
 TEST_F(Tool, TakesTheScansAskedFor) {
   const auto scans = [&](const std::string& arguments) {
-    EXPECT_EQ(run("--scans " + scans_ + " --json " + dir_.path("a.json") + " " + arguments), 0) << err_;
+    EXPECT_EQ(run("--scans " + scans_ + " --json " + dir_.path("a.json") + " " + arguments), 0) << ran_.err;
     return parseJson(read("a.json")).get<int>("scans");
   };
   EXPECT_EQ(scans("--first 1"), 4);
@@ -232,16 +214,16 @@ TEST_F(Tool, ReadsBags) {
                            0.35,
                            1});
   EXPECT_EQ(run("--bag " + bag), 1);
-  EXPECT_TRUE(mentions(err_, {"expected one topic", "/velodyne_points", "/scan"}));
+  EXPECT_TRUE(mentions(ran_.err, {"expected one topic", "/velodyne_points", "/scan"}));
   ASSERT_EQ(run("--bag " + bag + " --cloud /velodyne_points --model endpoint --json " + dir_.path("a.json")),
             0)
-      << err_;
+      << ran_.err;
   const auto json = parseJson(read("a.json"));
   EXPECT_EQ(json.get<int>("scans"), 3);
   EXPECT_EQ(json.get<std::string>("model"), "endpoint");
   EXPECT_EQ(json.get<int>("voxels_differing"), 0);
   EXPECT_EQ(run("--bag " + bag + " --cloud /velodyne_points --fixed-frame moon"), 1);
-  EXPECT_TRUE(mentions(err_, {"left out: 3 scans without a pose", "there was no scan to insert"}));
+  EXPECT_TRUE(mentions(ran_.err, {"left out: 3 scans without a pose", "there was no scan to insert"}));
 }
 
 }  // namespace

@@ -3,14 +3,12 @@
 // The scenarios that SLAM is judged by, and a small version of the evaluation (thesis, section 3.5.2).
 #include <gtest/gtest.h>
 #include <mapping_common/files.h>
-#include <mapping_common/testing/temp_dir.h>
+#include <mapping_common/testing/tool_test.h>
 #include <mapping_simulation/testing/worlds.h>
 #include <rosbag_tests/evaluations/slam_evaluation.h>
-#include <sys/wait.h>
 #include <yaml-cpp/yaml.h>
 
 #include <cmath>
-#include <cstdlib>
 #include <filesystem>
 #include <sstream>
 
@@ -280,13 +278,15 @@ TEST(Evaluation, WhatWasSeenIsOnTheWalls) {
 // The tool from end to end, and the pictures of what it wrote.
 TEST(Evaluation, ToolAndPlots) {
   TempDir dir;
-  const auto run = [&](const std::string& command) {
-    return WEXITSTATUS(std::system((command + " >" + dir.path("log") + " 2>&1").c_str()));
+  std::string said;
+  const auto run = [&said](const std::string& command) {
+    const mapping_common::Ran ran = mapping_common::run(command);
+    said = ran.said();
+    return ran.code;
   };
   const std::string tool =
       EVALUATE_SLAM " " PACKAGE_DIR "/config/slam_evaluation/room.yaml --duration 1 --seeds 1 ";
-  ASSERT_EQ(0, run(tool + "--cost reflectivity combined --out " + dir.path("out")))
-      << mapping_common::readFile(dir.path("log"));
+  ASSERT_EQ(0, run(tool + "--cost reflectivity combined --out " + dir.path("out"))) << said;
   const YAML::Node runs = YAML::LoadFile(dir.path("out/evaluation.json"));
   ASSERT_EQ(2u, runs.size());
   for (const YAML::Node& one : runs) {
@@ -298,20 +298,19 @@ TEST(Evaluation, ToolAndPlots) {
     EXPECT_EQ(one["scans"].as<std::size_t>(), loadTrajectory(file + ".tum").poses().size());
   }
   EXPECT_EQ(2, run(tool + "--model lambert"));
-  EXPECT_TRUE(mentions(mapping_common::readFile(dir.path("log")), {"lambert", "raw | range | lut"}));
+  EXPECT_TRUE(mentions(said, {"lambert", "raw | range | lut"}));
   EXPECT_EQ(0, run(tool + "--model ideal --cost reflectivity"));
 
   if (run("/usr/bin/python3 -c 'import matplotlib'") != 0)
     GTEST_SKIP() << "no figures without python3-matplotlib";
-  EXPECT_EQ(0, run("/usr/bin/python3 " PACKAGE_DIR "/scripts/plot_evaluation.py " + dir.path("out")))
-      << mapping_common::readFile(dir.path("log"));
+  EXPECT_EQ(0, run("/usr/bin/python3 " PACKAGE_DIR "/scripts/plot_evaluation.py " + dir.path("out"))) << said;
   for (const char* name : {"out/room-errors.png", "out/room-maps.png"})
     EXPECT_GT(std::filesystem::file_size(dir.path(name)), 5000u) << name;
   EXPECT_EQ(0, run("/usr/bin/python3 " PACKAGE_DIR "/scripts/plot_evaluation.py " + dir.path("one.png") +
                    " room=" + dir.path("out/room-combined.json")));
   EXPECT_GT(std::filesystem::file_size(dir.path("one.png")), 5000u);
   EXPECT_NE(0, run("/usr/bin/python3 " PACKAGE_DIR "/scripts/plot_evaluation.py " + dir.path()));
-  EXPECT_TRUE(mentions(mapping_common::readFile(dir.path("log")), {"evaluate_slam --out"}));
+  EXPECT_TRUE(mentions(said, {"evaluate_slam --out"}));
 }
 
 // The thesis's case (Fig. 3.6). With all seeds: evaluate_slam config/slam_evaluation/room.yaml --seeds 100.
