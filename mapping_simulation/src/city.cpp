@@ -17,6 +17,7 @@ constexpr double kHalfRoad = 3.5, kFront = 6.0;              // m from the middl
 constexpr double kHouseWidth = 10.0, kHouseHeight = 12.0;    // m
 constexpr double kLotLength = 6.0, kLot = 2.6, kLamp = 5.0;  // m: along; from the middle; height
 constexpr double kCurb = 0.12, kPaint = 0.004;               // m, heights
+constexpr double kAlong = 0.1745;                            // rad
 
 enum class Kind { kStreet, kCrossing, kGardens, kPark };
 constexpr int kKinds = 4;
@@ -293,8 +294,9 @@ std::vector<CityVisit> cityVisits(const CityOptions& options) {
       v.place = place;
       v.visit = visit;
       v.night = visit % 2 == 1;
-      v.pose = poseOfPlace(options, place) *
-               placed(distance * std::cos(direction), y, 0.0, random.between(-M_PI, M_PI));
+      double yaw = random.between(-M_PI, M_PI);
+      if (options.along) yaw = (yaw < 0.0 ? M_PI : 0.0) + random.between(-kAlong, kAlong);
+      v.pose = poseOfPlace(options, place) * placed(distance * std::cos(direction), y, 0.0, yaw);
       visits.push_back(v);
     }
   }

@@ -30,6 +30,27 @@ std::vector<Hit> look(const World& world, const Eigen::Vector3d& base,
   return hits;
 }
 
+TEST(City, IsVisitedAlongTheRoadWhereToldSo) {
+  CityOptions options;
+  options.shift = 0.0;
+  options.along = true;
+  int back = 0;
+  const std::vector<CityVisit> visits = cityVisits(options);
+  std::vector<const CityVisit*> first(options.places, nullptr);
+  for (const CityVisit& v : visits) {
+    const CityVisit*& other = first[v.place];
+    if (!other) {
+      other = &v;
+      continue;
+    }
+    const double turn = Eigen::AngleAxisd((other->pose.inverse() * v.pose).rotation()).angle();
+    back += turn > M_PI / 2.0;
+    EXPECT_LT(std::min(turn, M_PI - turn), 0.35);
+  }
+  EXPECT_GT(back, options.places / 4);
+  EXPECT_LT(back, 3 * options.places / 4);
+}
+
 // The part of the rays that meet something as far away, and what reflects as much.
 std::pair<double, double> alike(const std::vector<Hit>& a, const std::vector<Hit>& b) {
   int ranges = 0, reflectivities = 0;

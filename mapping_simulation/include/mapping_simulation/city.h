@@ -18,6 +18,7 @@ struct CityOptions {
   double shift = 3.0;        ///< m, the farthest that a visit is from the middle of its place
   std::uint32_t seed = 1;    ///< of all that is left to chance
   double occupancy = 0.5;    ///< of the parking lots, which are filled anew for each visit
+  bool along = false;        ///< visits look along the road or back, within 10 degrees; false: anywhere
   bool random_order = true;  ///< of the visits; false: all places by day, then all by night
 };
 
