@@ -5,21 +5,24 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
-#include "intensity_place_recognition/scene_description.h"
+#include "intensity_place_recognition/global_description.h"
 
 namespace intensity_place_recognition {
 namespace {
 
 constexpr int kBins = 9;
 
-class Hog : public SceneDescription {
+class Hog : public GlobalDescription {
  public:
   explicit Hog(const DescriptionOptions& options) : options_(options) {}
 
-  cv::Mat1f describe(const Scene& scene) const override {
-    cv::Mat1f image = normalizedImage(scene.panorama, options_.image);
-    const int border = 16, width = image.cols;  // it wraps around
-    cv::copyMakeBorder(image, image, 0, 0, border, border, cv::BORDER_WRAP);
+ private:
+  std::vector<cv::Mat1f> matrices(const Scene& scene) const override {
+    return ofEachView(scene, [this](const View& view) { return histograms(view); });
+  }
+  cv::Mat1f histograms(const View& view) const {
+    const int border = 16, width = view.image.cols;
+    cv::Mat1f image = view.padded(border);
     if (options_.sigma > 0.0) cv::GaussianBlur(image, image, {}, options_.sigma);
     const int rows = image.rows / options_.cell, columns = width / options_.cell;
     std::vector<cv::Mat1f> cells(kBins, cv::Mat1f());
@@ -34,11 +37,10 @@ class Hog : public SceneDescription {
         cells[bin](y / options_.cell, x / options_.cell) += std::hypot(ex, ey);
       }
     }
-    return inBlocks(cells, rows, columns);
+    return inBlocks(cells, rows, columns, view.isPanorama());
   }
 
- private:
-  static cv::Mat1f inBlocks(const std::vector<cv::Mat1f>& cells, int rows, int columns) {
+  static cv::Mat1f inBlocks(const std::vector<cv::Mat1f>& cells, int rows, int columns, bool meet) {
     const int block_rows = std::max(1, rows - 1);
     cv::Mat1f result(block_rows * 4 * kBins, columns, 0.0f);
     for (int y = 0; y < block_rows; ++y) {
@@ -48,7 +50,8 @@ class Hog : public SceneDescription {
         for (int dy = 0; dy < 2; ++dy)
           for (int dx = 0; dx < 2; ++dx)
             for (const cv::Mat1f& bin : cells)
-              block(row++, 0) = bin(std::min(y + dy, rows - 1), (x + dx) % columns);
+              block(row++, 0) =
+                  bin(std::min(y + dy, rows - 1), meet ? (x + dx) % columns : std::min(x + dx, columns - 1));
         const double norm = cv::norm(block);
         if (norm > 1e-3) block /= norm;
       }

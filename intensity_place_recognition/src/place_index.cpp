@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "intensity_place_recognition/place_index.h"
 
+#include <Eigen/Core>
 #include <algorithm>
 #include <flann/flann.hpp>
 #include <stdexcept>
@@ -14,9 +15,10 @@ constexpr int kTrees = 4, kChecks = 1024;
 constexpr float kRebuild = 2.0f;  // times as large as when it was balanced
 
 float squaredDistance(const std::vector<float>& a, const std::vector<float>& b) {
-  float sum = 0.0f;
-  for (std::size_t i = 0; i < a.size(); ++i) sum += (a[i] - b[i]) * (a[i] - b[i]);
-  return sum;
+  const auto size = static_cast<Eigen::Index>(a.size());
+  return (Eigen::Map<const Eigen::VectorXf>(a.data(), size) -
+          Eigen::Map<const Eigen::VectorXf>(b.data(), size))
+      .squaredNorm();
 }
 
 flann::Matrix<float> rowOf(const std::vector<float>& key) {
@@ -48,6 +50,11 @@ void PlaceIndex::add(std::vector<float> key) {
     forest_ = std::make_unique<Forest>(keys_.front());
     for (std::size_t i = 1; i < keys_.size(); ++i) forest_->addPoints(rowOf(keys_[i]), kRebuild);
   }
+}
+
+void PlaceIndex::move(std::size_t number, const std::vector<float>& key) {
+  if (key.size() != keys_.at(number).size()) throw std::invalid_argument("keys have to be of the same size");
+  std::copy(key.begin(), key.end(), keys_[number].begin());  // which stays where the forest finds it
 }
 
 std::vector<std::size_t> PlaceIndex::nearest(const std::vector<float>& key, std::size_t count,

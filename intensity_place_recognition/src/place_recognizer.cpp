@@ -14,8 +14,8 @@
 namespace intensity_place_recognition {
 namespace {
 
-const mapping_common::ArchiveFormat kFormat{"PLACEDB1", "a database of places"};
-constexpr std::size_t kLeastPlace = 64;             // bytes of a place in a file, at least
+const mapping_common::ArchiveFormat kFormat{"PLACEDB2", "a database of places"};
+constexpr std::size_t kLeastPlace = 32;             // bytes of a place in a file, at least
 constexpr int kYaws = 120;                          // of a query's plans
 constexpr double kSamePose = 2.5, kSameYaw = 0.17;  // m, rad
 constexpr double kLikeShape = 0.8;                  // of the best one's fit
@@ -82,7 +82,8 @@ Place PlaceRecognizer::describe(const Cloud& all, const std::function<void(Stage
   const Panorama panorama = toPanorama(cloud, options_.panorama, options_.largest_hole);
   done(Stage::kPanorama);
   Place place;
-  place.signature = Signature(description_->describe({cloud, panorama}));
+  place.signature = description_->describe(
+      {cloud, options_.panorama.min_range, [&] { return viewsOf(panorama, options_.description); }});
   done(Stage::kDescription);
   place.shape = Shape(cloud, panorama, options_.shape);
   done(Stage::kShape);
@@ -97,25 +98,18 @@ Recognition PlaceRecognizer::process(const Cloud& cloud, const std::function<voi
 }
 
 void PlaceRecognizer::add(Place place) {
-  index_.add(place.signature.key());
+  description_->add(place.signature);
   plans_.emplace_back(place.shape, 0.0);
-  places_.push_back(std::move(place));
-}
-
-std::vector<Candidate> PlaceRecognizer::candidates(const Signature& signature, int before) const {
-  std::vector<Candidate> result;
-  if (before <= 0) return result;
-  for (const std::size_t i : index_.nearest(signature.key(), options_.neighbours, before))
-    result.push_back({static_cast<int>(i), signature.bestTurns(places_[i].signature, options_.turns)});
-  return result;
+  shapes_.push_back(std::move(place.shape));
 }
 
 std::vector<PlaceRecognizer::Hypothesis> PlaceRecognizer::hypotheses(const Place& place, int before) const {
   std::vector<Hypothesis> all;
   std::vector<GroundPlan> turned(kYaws);
-  for (const Candidate& candidate : candidates(place.signature, before)) {
-    for (const Signature::Turn& turn : candidate.turns) {
-      const long step = std::lround(turn.yaw / (2.0 * M_PI) * kYaws);
+  for (const Candidate& candidate :
+       description_->candidates(*place.signature, before, options_.neighbours, options_.turns)) {
+    for (const double likely : candidate.yaws) {
+      const long step = std::lround(likely / (2.0 * M_PI) * kYaws);
       const double yaw = 2.0 * M_PI / kYaws * static_cast<double>(step);
       GroundPlan& plan = turned[(step + kYaws) % kYaws];
       if (plan.empty()) plan = GroundPlan(place.shape, yaw);
@@ -123,7 +117,7 @@ std::vector<PlaceRecognizer::Hypothesis> PlaceRecognizer::hypotheses(const Place
           plan.bestShift(plans_[candidate.place], static_cast<float>(options_.registration.max_distance));
       Hypothesis h;
       h.place = candidate.place;
-      h.similarity = candidate.turns.front().similarity;
+      h.similarity = candidate.similarity;
       h.correlation = shift.correlation;
       h.alignment.pose = flatPose(shift.x, shift.y, yaw);
       all.push_back(h);
@@ -153,9 +147,9 @@ double PlaceRecognizer::margin(const Hypothesis& best, const Registration& found
   for (const auto& [by, h] : rivals) {
     if (by >= options_.min_margin || h->place == best.place) return by;
     // Where the query's poses say that both show one place, do they?
-    if (!at_match) at_match = std::make_unique<Aligner>(places_[best.place].shape);
+    if (!at_match) at_match = std::make_unique<Aligner>(shapes_[best.place]);
     const Eigen::Isometry3d between = h->alignment.pose * found.pose.inverse();
-    const Alignment same = (*at_match)(places_[h->place].shape, between);
+    const Alignment same = (*at_match)(shapes_[h->place], between);
     if (!samePose(between, same.pose) || evidence(same.intensity, options_.registration.min_intensity) <
                                              kLessEvidence * options_.registration.min_evidence)
       return by;
@@ -170,13 +164,13 @@ Recognition PlaceRecognizer::recognize(const Place& place, int query,
   std::vector<Hypothesis> all = hypotheses(place, std::min(query, places()) - options_.beta);
   done(Stage::kSearch);
   const Aligner aligner(place.shape);
-  for (Hypothesis& h : all) h.alignment = aligner(places_[h.place].shape, h.alignment.pose);
+  for (Hypothesis& h : all) h.alignment = aligner(shapes_[h.place], h.alignment.pose);
   std::stable_sort(all.begin(), all.end(),
                    [](const Hypothesis& a, const Hypothesis& b) { return a.quality() > b.quality(); });
   const Registrar registrar(place.shape, options_.registration);
   const Hypothesis* best = nullptr;
   for (std::size_t i = 0; i < all.size() && i < static_cast<std::size_t>(options_.registrations); ++i) {
-    const Registration registration = registrar(places_[all[i].place].shape, all[i].alignment.pose);
+    const Registration registration = registrar(shapes_[all[i].place], all[i].alignment.pose);
     if (best && !registration.accepted && registration.score <= result.registration.score) continue;
     best = &all[i];
     result.match = best->place;
@@ -202,36 +196,33 @@ void PlaceRecognizer::save(const std::string& path) const {
   mapping_common::writeArchive(path, kFormat, [&](mapping_common::ArchiveWriter& out) {
     PlaceRecognizerOptions options = options_;
     out(mapping_common::optionsOf(options));
-    out(static_cast<std::uint64_t>(places_.size()));
-    for (Place place : places_) {
-      place.signature.transfer(out);
-      place.shape.transfer(out);
-    }
+    out(static_cast<std::uint64_t>(shapes_.size()));
+    for (Shape shape : shapes_) shape.transfer(out);
+    description_->write(out);
   });
 }
 
 void PlaceRecognizer::load(const std::string& path) {
-  PlaceRecognizerOptions file;
-  std::vector<Place> read;
+  std::unique_ptr<PlaceRecognizer> loaded;
   mapping_common::readArchive(path, kFormat, [&](mapping_common::ArchiveReader& in) {
+    PlaceRecognizerOptions file, merged = options_;
     in(mapping_common::optionsOf(file));
     mapping_common::validate(file);
-    read.resize(in.count(kLeastPlace));
-    for (Place& place : read) {
-      place.signature.transfer(in);
-      place.shape.transfer(in);
-      if (!place.signature.isSound() || !place.shape.isSound() ||
-          place.signature.key().size() != read.front().signature.key().size())
-        throw std::runtime_error("a place in it is inconsistent");
+    merged.panorama = file.panorama;
+    merged.largest_hole = file.largest_hole;
+    merged.description = file.description;
+    loaded = std::make_unique<PlaceRecognizer>(merged);
+    loaded->shapes_.resize(in.count(kLeastPlace));
+    for (Shape& shape : loaded->shapes_) {
+      shape.transfer(in);
+      if (!shape.isSound()) throw std::runtime_error("a place in it is inconsistent");
+      loaded->plans_.emplace_back(shape, 0.0);
     }
+    loaded->description_->read(in);
+    if (loaded->description_->places() != loaded->places())
+      throw std::runtime_error("some places in it aren't described");
   });
-  PlaceRecognizerOptions merged = options_;
-  merged.panorama = file.panorama;
-  merged.largest_hole = file.largest_hole;
-  merged.description = file.description;
-  PlaceRecognizer loaded(merged);
-  for (Place& place : read) loaded.add(std::move(place));
-  *this = std::move(loaded);
+  *this = std::move(*loaded);
 }
 
 }  // namespace intensity_place_recognition

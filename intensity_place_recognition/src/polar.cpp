@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "intensity_place_recognition/scene_description.h"
+#include "intensity_place_recognition/global_description.h"
 
 namespace intensity_place_recognition {
 namespace {
@@ -14,11 +14,12 @@ namespace {
 constexpr float kHighest = 6.0f, kLowest = -3.0f;  // m from the sensor
 constexpr int kFewest = 2;                         // points of a cell whose intensity counts
 
-class Polar : public SceneDescription {
+class Polar : public GlobalDescription {
  public:
   explicit Polar(const DescriptionOptions& options) : options_(options) {}
 
-  cv::Mat1f describe(const Scene& scene) const override {
+ private:
+  std::vector<cv::Mat1f> matrices(const Scene& scene) const override {
     const int rings = options_.rings, directions = options_.directions;
     cv::Mat1f result(2 * rings, directions, 0.0f);
     cv::Mat1f height = result.rowRange(0, rings), light = result.rowRange(rings, 2 * rings);
@@ -27,7 +28,7 @@ class Polar : public SceneDescription {
     for (const pcl::PointXYZI& p : scene.cloud) {
       const float distance = std::hypot(p.x, p.y);
       if (!(distance * per_ring < static_cast<float>(rings)) || !std::isfinite(p.z) || p.z > kHighest ||
-          distance < scene.panorama.options.min_range)
+          distance < scene.min_range)
         continue;
       const int ring = static_cast<int>(distance * per_ring);
       const int direction = std::min(
@@ -58,10 +59,8 @@ class Polar : public SceneDescription {
                           : static_cast<float>(std::clamp((light(r, d) - mean) / deviation, -2.0, 2.0));
       }
     }
-    return result;
+    return {result};
   }
-
- private:
   DescriptionOptions options_;
 };
 

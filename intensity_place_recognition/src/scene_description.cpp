@@ -3,14 +3,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
-#include <stdexcept>
+#include <opencv2/imgproc.hpp>
 
 namespace intensity_place_recognition {
 namespace {
 
-constexpr int kKeyFrequencies = 4;    // of each group of rows
-constexpr int kKeyRows = 32;          // groups of neighbouring rows at most
 constexpr double kNearTurn = 0.2618;  // rad
 constexpr float kRangeScale = 20.0f;  // m
 
@@ -18,7 +15,9 @@ constexpr float kRangeScale = 20.0f;  // m
 
 void DescriptionOptions::describe(mapping_common::OptionList& o) {
   o("type", type, "", "how a scene is described").oneOf(sceneDescriptions());
-  o("image", image, "", "of the panorama, for hog and gist");
+  o("image", image, "", "of the panorama, for hog, gist, words and binary");
+  o("views", views, "", "of the panorama, for hog, gist, words and binary");
+  o("field_of_view", field_of_view, "deg", "of views, from left to right").inDegrees().within(10.0, 170.0);
   o("cell", cell, "pixels", "L, width and height of a cell of hog").within(2, 512);
   o("sigma", sigma, "pixels", "of the Gaussian filter before hog; 0: none").within(0.0, 50.0);
   o("blocks", blocks, "", "phi, rows of gist's grid").within(1, 64);
@@ -26,7 +25,16 @@ void DescriptionOptions::describe(mapping_common::OptionList& o) {
   o("orientations", orientations, "", "chi, for each scale of gist").within(1, 32);
   o("rings", rings, "", "of polar, from the sensor outwards").within(2, 200);
   o("directions", directions, "", "of polar and gist, of a whole turn").within(12, 720);
-  o("radius", radius, "m", "of polar").within(1.0, 1000.0);
+  o("radius", radius, "m", "of polar, shot and shot_colour").within(1.0, 1000.0);
+  o("delta", delta, "",
+    "distance of descriptors of length 1 that are one word, for words, shot and shot_colour")
+      .within(0.01, 2.0);
+  o("binary_delta", binary_delta, "bits", "the same for binary").within(1, 512);
+  o("features", features, "", "key points of a view or a cloud at most").within(10, 100000);
+  o("psi", psi, "m", "grid that the cloud is thinned by before shot and shot_colour, whose radius is 5 psi")
+      .within(0.01, 10.0);
+  const bool whole = type == "polar" || type == "shot" || type == "shot_colour";
+  o.require(!whole || views == Views::kPanorama, "views", "panorama with " + type);
 }
 
 const mapping_common::Table<MakeDescription>& sceneDescriptions() {
@@ -34,6 +42,10 @@ const mapping_common::Table<MakeDescription>& sceneDescriptions() {
       {"polar", makePolar, "height and intensity over a polar grid of the ground"},
       {"hog", makeHog, "global histograms of oriented gradients of the panorama"},
       {"gist", makeGist, "global responses of Gabor filters to the panorama"},
+      {"words", makeWords, "bag of words over SIFT of the panorama"},
+      {"binary", makeBinary, "bag of the binary words of ibuild_loop_closure over the panorama"},
+      {"shot", makeShot, "bag of words over SHOT of the cloud"},
+      {"shot_colour", makeShotColour, "the same with intensities as colours"},
   };
   return kTable;
 }
@@ -62,77 +74,59 @@ cv::Mat1f normalizedImage(const Panorama& panorama, Image image) {
   return result;
 }
 
-Signature::Signature(const cv::Mat1f& description) : rows_(description.rows), columns_(description.cols) {
-  cv::Mat1f centred = description.clone(), means;
-  cv::reduce(centred, means, 1, cv::REDUCE_AVG);
-  for (int r = 0; r < rows_; ++r) centred.row(r) -= means(r, 0);
-  const double length = cv::norm(centred);
-  if (!(length > 1e-6)) throw std::invalid_argument("the scene looks the same in all directions");
-  centred /= length;
-  cv::Mat2f full;
-  cv::dft(centred, full, cv::DFT_ROWS | cv::DFT_COMPLEX_OUTPUT);
-  const int half = columns_ / 2 + 1;
-  spectrum_.resize(static_cast<std::size_t>(rows_) * half);
-  for (int r = 0; r < rows_; ++r)
-    for (int f = 0; f < half; ++f) spectrum_[r * half + f] = {full(r, f)[0], full(r, f)[1]};
-
-  const int groups = std::min(rows_, kKeyRows), frequencies = std::min(kKeyFrequencies, half);
-  key_.assign(static_cast<std::size_t>(groups) * frequencies, 0.0f);
-  const float mean_scale = static_cast<float>(columns_ / length / std::sqrt(columns_));
-  for (int r = 0; r < rows_; ++r) {
-    float* at = &key_[static_cast<std::size_t>(r * groups / rows_) * frequencies];
-    at[0] += std::abs(means(r, 0)) * mean_scale;
-    for (int f = 1; f < frequencies; ++f) at[f] += std::abs(spectrum_[r * half + f]);
-  }
-  const float norm = std::sqrt(std::inner_product(key_.begin(), key_.end(), key_.begin(), 0.0f));
-  for (float& value : key_) value /= norm;
+double View::azimuthAt(double x) const {
+  const double across = 1.0 - 2.0 * (x + 0.5) / image.cols;  // 1 to -1, from left to right
+  return std::remainder(
+      yaw + (isPanorama() ? M_PI * across : std::atan(std::tan(0.5 * field_of_view) * across)), 2.0 * M_PI);
 }
 
-bool Signature::isSound() const {
-  const auto finite = [](float value) { return std::isfinite(value); };
-  return rows_ > 0 && columns_ > 0 && !key_.empty() && std::all_of(key_.begin(), key_.end(), finite) &&
-         spectrum_.size() == static_cast<std::size_t>(rows_) * (columns_ / 2 + 1) &&
-         std::all_of(spectrum_.begin(), spectrum_.end(),
-                     [&](const std::complex<float>& c) { return finite(c.real()) && finite(c.imag()); });
-}
-
-std::vector<float> Signature::similarities(const Signature& other) const {
-  if (rows_ != other.rows_ || columns_ != other.columns_)
-    throw std::invalid_argument("descriptions of different sizes can't be compared");
-  const int half = columns_ / 2 + 1;
-  // Both are spectra of real rows; the sum over all rows is one, too.
-  std::vector<std::complex<float>> sum(half);
-  for (int r = 0; r < rows_; ++r) {
-    const std::complex<float>*a = &spectrum_[r * half], *b = &other.spectrum_[r * half];
-    for (int f = 0; f < half; ++f) {
-      sum[f] += std::complex<float>(a[f].real() * b[f].real() + a[f].imag() * b[f].imag(),
-                                    a[f].real() * b[f].imag() - a[f].imag() * b[f].real());
-    }
-  }
-  cv::Mat2f spectrum(1, columns_);
-  for (int f = 0; f < columns_; ++f) {
-    const std::complex<float> value = f < half ? sum[f] : std::conj(sum[columns_ - f]);
-    spectrum(0, f) = {value.real(), value.imag()};
-  }
+cv::Mat1f View::padded(int columns, int rows) const {
   cv::Mat1f result;
-  cv::dft(spectrum, result, cv::DFT_INVERSE | cv::DFT_SCALE | cv::DFT_REAL_OUTPUT);
-  return {result.begin(), result.end()};
+  cv::copyMakeBorder(image, result, 0, 0, columns, columns,
+                     isPanorama() ? cv::BORDER_WRAP : cv::BORDER_REPLICATE);
+  cv::copyMakeBorder(result, result, rows, rows, 0, 0, cv::BORDER_REPLICATE);
+  return result;
 }
 
-std::vector<Signature::Turn> Signature::bestTurns(const Signature& other, std::size_t count) const {
-  const std::vector<float> all = similarities(other);
-  const double step = 2.0 * M_PI / columns_;
-  const int reach = std::max(1, static_cast<int>(kNearTurn / step));
+std::vector<View> viewsOf(const Panorama& panorama, const DescriptionOptions& options) {
+  if (options.views == Views::kPanorama) return {{normalizedImage(panorama, options.image), 0.0, 0.0}};
+  const PanoramaOptions& p = panorama.options;
+  RectilinearView view;
+  view.horizontal_fov = options.field_of_view;
+  view.vertical_fov =
+      std::min(options.field_of_view, 2.0 * std::max(std::abs(p.min_elevation), std::abs(p.max_elevation)));
+  // As fine in its middle as the panorama, with square pixels.
+  const double pixels = p.width / (2.0 * M_PI) * 2.0;
+  view.width = std::max(8, static_cast<int>(pixels * std::tan(0.5 * view.horizontal_fov)));
+  view.height = std::max(8, static_cast<int>(pixels * std::tan(0.5 * view.vertical_fov)));
+  std::vector<View> all;
+  for (const double yaw : {0.0, M_PI}) {
+    view.rotation = Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+    all.push_back({normalizedImage(rectilinear(panorama, view), options.image), yaw, options.field_of_view});
+    if (options.views == Views::kFront) break;
+  }
+  return all;
+}
+
+View viewOf(const cv::Mat1b& grey, double yaw, double field_of_view) {
+  Panorama all{{}, {}, {}, cv::Mat1b(grey.size(), std::uint8_t(255))};
+  grey.convertTo(all.intensity, CV_32F);
+  return {normalizedImage(all, Image::kIntensity), yaw, field_of_view};
+}
+
+std::vector<Turn> bestTurns(const std::vector<float>& by_step, std::size_t count) {
+  const int steps = static_cast<int>(by_step.size());
+  const double step = 2.0 * M_PI / steps;
+  const int reach = std::min(std::max(1, static_cast<int>(kNearTurn / step)), (steps - 1) / 2);
   std::vector<Turn> turns;
-  for (int s = 0; s < columns_; ++s) {
-    const auto at = [&](int i) { return all[(i + columns_) % columns_]; };
+  for (int s = 0; s < steps; ++s) {
+    const auto at = [&](int i) { return by_step[(i + steps) % steps]; };
     bool largest = true;
     for (int d = 1; d <= reach; ++d) largest = largest && at(s - d) < at(s) && at(s + d) <= at(s);
     if (!largest) continue;
     // The parabola through the largest and its neighbours.
     const double bend = at(s - 1) - 2.0 * at(s) + at(s + 1);
     const double fraction = bend < 0.0 ? 0.5 * (at(s - 1) - at(s + 1)) / bend : 0.0;
-    // Column i of this is column i + s of the other: azimuths there are smaller by s steps.
     turns.push_back({at(s), std::remainder(-(s + fraction) * step, 2.0 * M_PI)});
   }
   std::sort(turns.begin(), turns.end(),

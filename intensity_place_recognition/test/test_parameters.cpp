@@ -21,8 +21,11 @@ TEST(Parameters, AreSoundAndDocumented) {
 }
 
 TEST(Parameters, AreRejectedByName) {
-  EXPECT_EQ("~description/type is 'sift', allowed is polar | hog | gist",
-            rejection("description: {type: sift}"));
+  EXPECT_EQ(
+      "~description/type is 'sift', allowed is polar | hog | gist | words | binary | shot | shot_colour",
+      rejection("description: {type: sift}"));
+  EXPECT_EQ("~description/views is 'front', allowed is panorama with polar",
+            rejection("description: {views: front}"));
   EXPECT_EQ("~panorama/width is 1, allowed is 16 to 65536 pixels", rejection("panorama: {width: 1}"));
   EXPECT_EQ("~registration/min_score is 2, allowed is 0 to 1", rejection("registration: {min_score: 2.0}"));
 }

@@ -39,6 +39,9 @@ TEST(PlaceIndex, FindsTheNearestAmongFew) {
   for (const float x : {0.0f, 3.0f, 1.0f, 3.0f}) index.add({x, 0.0f});
   EXPECT_EQ((std::vector<std::size_t>{1, 3, 2}), index.nearest({2.9f, 0.0f}, 3));
   EXPECT_EQ((std::vector<std::size_t>{1, 2}), index.nearest({2.9f, 0.0f}, 2, 3));
+  index.move(2, {3.2f, 0.0f});
+  EXPECT_EQ((std::vector<std::size_t>{2, 1}), index.nearest({3.3f, 0.0f}, 2));
+  EXPECT_THROW(index.move(0, {1.0f}), std::invalid_argument);
   EXPECT_THROW(index.add({1.0f}), std::invalid_argument);
   EXPECT_THROW(index.nearest({1.0f}, 1), std::invalid_argument);
 }

@@ -64,9 +64,11 @@ bool parse(int argc, char** argv, Arguments& a) {
   add("pictures", po::value(&a.pictures)->default_value(a.pictures), "of accepted pairs, at most");
   add("config", po::value(&a.config), "parameters, a YAML file as the nodelet's");
   add("save", po::value(&a.save), "write the database of places to this file, for the nodelet");
-  std::string type, image, candidates;
-  add("description", po::value(&type), "polar | hog | gist, in place of the configured one");
-  add("image", po::value(&image), "intensity | range, that hog and gist describe");
+  std::string type, image, views;
+  add("description", po::value(&type),
+      "type of description in place of the configured one, see parameters.md");
+  add("image", po::value(&image), "intensity | range, that is described of a panorama");
+  add("views", po::value(&views), "panorama | front | front_and_back");
   if (!mapping_common::parseArguments(argc, argv, kUsage, all)) return false;
   if (a.scans.empty() == a.bag.empty()) throw po::error("give either --scans or --bag");
   if (!a.poses.empty() && a.scans.size() != 1) throw po::error("--poses is for one folder of --scans");
@@ -80,6 +82,7 @@ bool parse(int argc, char** argv, Arguments& a) {
   }
   if (!type.empty()) values["description/type"] = type;
   if (!image.empty()) values["description/image"] = image;
+  if (!views.empty()) values["description/views"] = views;
   mapping_common::assign(a.recognizer, values);
   a.recognizer.beta = a.gap - 1;
   return true;
@@ -219,9 +222,7 @@ void writeSimilarities(const PlaceRecognizer& recognizer, const std::vector<Scan
   for (int i = 0; i < n; ++i) {
     for (int j = 0; j <= i; ++j) {
       if (scans[i].place < 0 || scans[j].place < 0) continue;
-      const std::vector<float> all =
-          recognizer.place(scans[i].place).signature.similarities(recognizer.place(scans[j].place).signature);
-      matrix(i, j) = matrix(j, i) = *std::max_element(all.begin(), all.end());
+      matrix(i, j) = matrix(j, i) = recognizer.description().similarity(scans[i].place, scans[j].place);
     }
   }
   mapping_common::writeFile(out + "/similarity.csv", [&](std::ostream& file) {

@@ -20,6 +20,9 @@ class PlaceIndex {
   /// @param key of the same size as the others. @throws std::invalid_argument where it isn't
   void add(std::vector<float> key);
   std::size_t size() const { return keys_.size(); }
+  const std::vector<float>& key(std::size_t number) const { return keys_.at(number); }
+  /// Changes a key a little, so that it remains in its neighbourhood. @throws as add
+  void move(std::size_t number, const std::vector<float>& key);
   /// The nearest by Euclidean distance among the first `before`, nearest first; of equally near ones the
   /// first added first.
   std::vector<std::size_t> nearest(const std::vector<float>& key, std::size_t count,

@@ -13,7 +13,6 @@
 
 #include "intensity_place_recognition/alignment.h"
 #include "intensity_place_recognition/ground_plan.h"
-#include "intensity_place_recognition/place_index.h"
 #include "intensity_place_recognition/registration.h"
 #include "intensity_place_recognition/scene_description.h"
 
@@ -32,16 +31,10 @@ struct PlaceRecognizerOptions {
   void describe(mapping_common::OptionList& o);
 };
 
-/// What is kept of a scan.
+/// What a scan is recognised by.
 struct Place {
-  Signature signature;
+  std::shared_ptr<const Signature> signature;
   Shape shape;
-};
-
-/// A place that looks like a scan, from somewhere near.
-struct Candidate {
-  int place = -1;
-  std::vector<Signature::Turn> turns;  ///< the best first
 };
 
 struct Recognition {
@@ -72,11 +65,10 @@ class PlaceRecognizer {
   Place describe(
       const Cloud& cloud, const std::function<void(Stage)>& done = [](Stage) {}) const;
   void add(Place place);
-  /// Those that look like it, among the places before `before`.
-  std::vector<Candidate> candidates(const Signature& signature, int before) const;
 
-  int places() const { return static_cast<int>(places_.size()); }
-  const Place& place(int number) const { return places_.at(number); }
+  int places() const { return static_cast<int>(shapes_.size()); }
+  /// How all are described, with the places.
+  const SceneDescription& description() const { return *description_; }
   const PlaceRecognizerOptions& options() const { return options_; }
   /// Takes over those that decide what is accepted.
   void setThresholds(const PlaceRecognizerOptions& options);
@@ -102,9 +94,8 @@ class PlaceRecognizer {
 
   PlaceRecognizerOptions options_;
   std::unique_ptr<SceneDescription> description_;
-  std::vector<Place> places_;
+  std::vector<Shape> shapes_;      // of the places
   std::vector<GroundPlan> plans_;  // of them
-  PlaceIndex index_;
 };
 
 }  // namespace intensity_place_recognition
