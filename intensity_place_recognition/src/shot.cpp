@@ -38,7 +38,7 @@ Points::Ptr thinned(const Scene& scene, double psi, double radius) {
     cells.push_back({(coordinate(p.z) << 42) + (coordinate(p.y) << 21) + coordinate(p.x), &p});
   }
   std::stable_sort(cells.begin(), cells.end(), [](const Cell& a, const Cell& b) { return a.cube < b.cube; });
-  auto result = std::make_shared<Points>();
+  Points::Ptr result(new Points);
   std::vector<float> intensities;
   for (std::size_t i = 0; i < cells.size();) {
     Eigen::Vector3f sum = Eigen::Vector3f::Zero();
@@ -83,7 +83,7 @@ Points::Ptr keyPoints(const Points& cloud, const Normals& normals, double radius
     if (i == 0 || cubes[i].first != cubes[i - 1].first)
       nearest.emplace_back(cloud[cubes[i].second].getVector3fMap().norm(), cubes[i].second);
   std::sort(nearest.begin(), nearest.end());
-  auto result = std::make_shared<Points>();
+  Points::Ptr result(new Points);
   for (std::size_t i = 0; i < nearest.size() && i < static_cast<std::size_t>(most); ++i)
     result->push_back(cloud[nearest[i].second]);
   return result;
@@ -100,9 +100,9 @@ class Shot : public LocalDescription<VectorVocabulary> {
     const double radius = kSupport * options_.psi;
     const Points::Ptr cloud = thinned(scene, options_.psi, options_.radius);
     if (cloud->empty()) return {{}};
-    auto tree = std::make_shared<pcl::search::KdTree<Point>>();
+    pcl::search::KdTree<Point>::Ptr tree(new pcl::search::KdTree<Point>);
     tree->setInputCloud(cloud);
-    auto normals = std::make_shared<Normals>();
+    Normals::Ptr normals(new Normals);
     pcl::NormalEstimation<Point, pcl::Normal> normal;
     normal.setInputCloud(cloud);
     normal.setSearchMethod(tree);
