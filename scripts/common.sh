@@ -22,6 +22,7 @@ packages_drivers=(
   ros-core-dev libdiagnostic-updater-dev libdynamic-reconfigure-config-init-mutex-dev libnodelet-dev libnodeletlib-dev
   libtf2-eigen-dev libtf2-msgs-dev libtf2-ros-dev pluginlib-dev
   libboost-program-options-dev libeigen3-dev libsqlite3-dev libtinyxml2-dev libyaml-cpp-dev
+  libzstd-dev
   libnodeletlib-tools rosbash tf2-tools
   python3-dynamic-reconfigure python3-rosbag python3-roslaunch python3-rosmsg python3-rosnode python3-rosparam
   python3-rosservice python3-rostopic
@@ -34,7 +35,7 @@ packages_build=(
   libcv-bridge-dev libimage-transport-dev libmap-msgs-dev
   libboost-iostreams-dev libceres-dev libflann-dev libgtest-dev liblz4-dev liblzma-dev liboctomap-dev libopencv-dev
   libpcl-dev libqhull-dev
-  libzstd-dev pybind11-dev python3-dev python3-numpy python3-rostest xz-utils
+  pybind11-dev python3-dev python3-numpy python3-rostest xz-utils
 )
 packages_pictures=(rviz xvfb imagemagick)
 packages_plots=(python3-matplotlib python3-yaml)

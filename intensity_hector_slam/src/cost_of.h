@@ -46,10 +46,10 @@ template <bool kReflectivities, class Use>
 void forBeams(const GridMap& map, const Beams& beams, const Pose& pose, std::size_t count, const Use& use) {
   using Eigen::Array4f;
   // Of kLanes cells, with the ones right of them: P, R, P and R of those right.
-  const auto gather = [](const std::array<const GridMap::Cell*, kLanes>& cells) {
+  const auto gather = [](const GridMap::Squares& squares, auto cells) {
     Eigen::Matrix4f values;
     for (int i = 0; i < kLanes; ++i) {
-      values.col(i) = Eigen::Map<const Eigen::Vector4f>(&cells[i]->occupancy);
+      values.col(i) = Eigen::Map<const Eigen::Vector4f>(&(squares[i].*cells)->occupancy);
     }
     values.transposeInPlace();
     return values;
@@ -57,30 +57,18 @@ void forBeams(const GridMap& map, const Beams& beams, const Pose& pose, std::siz
   // From the body's frame to coordinates in which cell (0, 0) has its centre at (0, 0): Eq. 3.7 in cells.
   const double cells = 1.0 / map.resolution();
   const float c = cells * std::cos(pose.z()), s = cells * std::sin(pose.z());
-  const float u0 = cells * (pose.x() - map.origin().x()) - 0.5,
-              v0 = cells * (pose.y() - map.origin().y()) - 0.5;
-  const GridMap::Cell* const data = map.cells().data();
-  static constexpr GridMap::Cell unknown[2];
-  const int width = map.width();
-  const unsigned columns = map.width() - 1, rows = map.height() - 1;  // that have another after them
-  // Conversion to int cuts off: moved up by one, coordinates from -1 on are rounded down, so that the column
-  // and row of what is just outside are -1, not 0. Those of what is far outside stay within the range of int.
-  const Array4f max_u = Array4f::Constant(map.width() + 1.0f), max_v = Array4f::Constant(map.height() + 1.0f);
+  const float u0 = cells * pose.x() - 0.5, v0 = cells * pose.y() - 0.5;
+  static_assert(kLanes == std::tuple_size_v<GridMap::Squares>);
+  GridMap::Seams seams;
   Layers layers;
   for (std::size_t first = 0; first < count; first += kLanes) {
     const Eigen::Map<const Array4f> x(&beams.x[first]), y(&beams.y[first]);
     const Array4f dx_dtheta = -s * x - c * y, dy_dtheta = c * x - s * y;
     const Array4f u = dy_dtheta + u0, v = v0 - dx_dtheta;
-    const Array4f u1 = (u + 1.0f).max(0.0f).min(max_u), v1 = (v + 1.0f).max(0.0f).min(max_v);
-    const Eigen::Array4i column = u1.cast<int>() - 1, row = v1.cast<int>() - 1;
-    std::array<const GridMap::Cell*, kLanes> lower, upper;
-    for (int i = 0; i < kLanes; ++i) {
-      const bool inside = static_cast<unsigned>(column[i]) < columns && static_cast<unsigned>(row[i]) < rows;
-      lower[i] = inside ? data + static_cast<std::size_t>(row[i]) * width + column[i] : unknown;
-      upper[i] = inside ? lower[i] + width : unknown;
-    }
-    const Array4f fx = u - column.cast<float>(), fy = v - row.cast<float>();
-    const Eigen::Matrix4f low = gather(lower), high = gather(upper);
+    Array4f fx, fy;
+    const GridMap::Squares squares = map.squares(u, v, fx, fy, seams);
+    const Eigen::Matrix4f low = gather(squares, &GridMap::Square::lower),
+                          high = gather(squares, &GridMap::Square::upper);
     const auto interpolate = [&](int k) {
       return Bilinear<Array4f>(low.col(k), low.col(k + 2), high.col(k), high.col(k + 2), fx, fy);
     };

@@ -53,33 +53,60 @@ class GridMap::FreeCells {
   Eigen::Array4f least_;
 };
 
-GridMap::GridMap(double resolution, const Eigen::Vector2d& min, int width, int height)
-    : resolution_(resolution),
-      origin_(min),
-      width_(width),
-      height_(height),
-      cells_(static_cast<std::size_t>(width) * height),
-      counts_(cells_.size(), 0) {}
+GridMap::Tile GridMap::unknown_;
+
+GridMap::GridMap(double resolution, const Eigen::AlignedBox2i& box) : resolution_(resolution) {
+  growTo(box);
+}
+
+void GridMap::growTo(const Eigen::AlignedBox2i& box) {
+  const auto tileAt = [](const Eigen::Vector2i& cell) {
+    return Eigen::Vector2i(cell.x() >> kTileBits, cell.y() >> kTileBits);
+  };
+  GridMap grown;
+  grown.box_ = box_.merged(box);
+  grown.first_tile_ = tileAt(grown.box_.min());
+  const Eigen::Vector2i size = tileAt(grown.box_.max()) - grown.first_tile_ + Eigen::Vector2i::Ones();
+  grown.columns_ = size.x();
+  while (1U << grown.column_bits_ < grown.columns_) ++grown.column_bits_;
+  grown.rows_ = size.y();
+  grown.tiles_.resize(1 + (std::size_t{grown.rows_} << grown.column_bits_));
+  for (std::size_t i = 1; i < tiles_.size(); ++i) {
+    if (!tiles_[i]) continue;
+    const Eigen::Vector2i cell = cellsOf(i).min();
+    grown.tiles_[grown.indexOf(cell.x(), cell.y())] = std::move(tiles_[i]);
+  }
+  grown.resolution_ = resolution_;
+  *this = std::move(grown);
+}
+
+Eigen::AlignedBox2i GridMap::cellsOf(std::size_t tile) const {
+  const Eigen::Vector2i at((tile - 1) & ((std::size_t{1} << column_bits_) - 1), (tile - 1) >> column_bits_);
+  const Eigen::Vector2i first = (first_tile_ + at) * kTileSide;
+  return {first, first + Eigen::Vector2i::Constant(kTileSide - 1)};
+}
+
+GridMap::Square GridMap::square(int x, int y, std::array<Cell, 4>& seam) const {
+  seam = {cell(x, y), cell(x + 1, y), cell(x, y + 1), cell(x + 1, y + 1)};
+  return {&seam[0], &seam[2]};
+}
 
 GridMap::Interpolation GridMap::interpolate(const Eigen::Vector2d& point) const {
-  const Eigen::Array2d at = (point - origin_).array() / resolution_ - 0.5;
-  if (!(at.x() >= 0.0 && at.y() >= 0.0 && at.x() < width_ - 1 && at.y() < height_ - 1)) {
-    return {{0.5f, 0.0f}, {0.0f, 0.0f}, {0.0f, 0.0f}};
-  }
-  const int x = static_cast<int>(at.x()), y = static_cast<int>(at.y());
-  const auto both = [this](int column, int row) {
-    const Cell& cell = cells_[index(column, row)];
-    return Eigen::Array2f(cell.occupancy, cell.reflectivity);
-  };
-  const Bilinear<Eigen::Array2f> bilinear(both(x, y), both(x + 1, y), both(x, y + 1), both(x + 1, y + 1),
-                                          static_cast<float>(at.x() - x), static_cast<float>(at.y() - y));
+  const Eigen::Array2d at = point.array() / resolution_ - 0.5;
+  if (!(at.abs() < kFarAway).all()) return {{0.5f, 0.0f}, {0.0f, 0.0f}, {0.0f, 0.0f}};
+  const Eigen::Array2i first = at.floor().cast<int>();
+  std::array<Cell, 4> seam;
+  const Square square = this->square(first.x(), first.y(), seam);
+  const auto both = [](const Cell& cell) { return Eigen::Array2f(cell.occupancy, cell.reflectivity); };
+  const Eigen::Array2f fraction = (at - first.cast<double>()).cast<float>();
+  const Bilinear<Eigen::Array2f> bilinear(both(square.lower[0]), both(square.lower[1]), both(square.upper[0]),
+                                          both(square.upper[1]), fraction.x(), fraction.y());
   const float cell = static_cast<float>(resolution_);
   return {bilinear.value, bilinear.dx / cell, bilinear.dy / cell};
 }
 
 bool GridMap::isOpen(const Eigen::Vector2d& point, double sure_free) const {
   const Eigen::Vector2i at = cellAt(point);
-  if (at.x() < 1 || at.y() < 1 || at.x() > width_ - 2 || at.y() > height_ - 2) return false;
   if (cell(at.x(), at.y()).occupancy >= sure_free) return false;
   for (int y = at.y() - 1; y <= at.y() + 1; ++y) {
     for (int x = at.x() - 1; x <= at.x() + 1; ++x) {
@@ -92,25 +119,24 @@ bool GridMap::isOpen(const Eigen::Vector2d& point, double sure_free) const {
 void GridMap::update(const Scan& scan, const Pose& pose, const MapOptions& options,
                      const std::vector<bool>& appeared) {
   const Eigen::Vector2i from = cellAt(transform(pose, scan.origin.cast<double>()));
-  if (!contains(from)) return;
+  if (!box_.contains(from)) return;
   const Eigen::Isometry2d to_map = isometry(pose);
   ends_.resize(scan.points.size());
   Eigen::AlignedBox2i box(from);
   for (std::size_t i = 0; i < scan.points.size(); ++i) {
     ends_[i] = cellAt(to_map * scan.points[i].cast<double>());
-    if (contains(ends_[i])) box.extend(ends_[i]);
+    if (box_.contains(ends_[i])) box.extend(ends_[i]);
   }
   free_ends_.clear();
   for (const Eigen::Vector2f& end : scan.free) {
     const Eigen::Vector2i at = cellAt(to_map * end.cast<double>());
-    if (!contains(at)) continue;
+    if (!box_.contains(at)) continue;
     free_ends_.push_back(at);
     box.extend(at);
   }
   marks_.reset(box);
-  observed_box_.extend(box);
   for (std::size_t i = 0; i < ends_.size(); ++i) {
-    if (!contains(ends_[i])) continue;
+    if (!box_.contains(ends_[i])) continue;
     // Neighbouring beams that end in one cell cross the same cells.
     if (i == 0 || ends_[i] != ends_[i - 1]) markBeam(from, ends_[i], options.clear_margin);
     *marks_.find(ends_[i]) |= !appeared.empty() && appeared[i] ? Marks::kUnsureHit : Marks::kHit;
@@ -118,16 +144,24 @@ void GridMap::update(const Scan& scan, const Pose& pose, const MapOptions& optio
   for (const Eigen::Vector2i& end : free_ends_) markBeam(from, end, 0.0);
   applyMarks(options);
   for (std::size_t i = 0; i < scan.reflectivities.size(); ++i) {
-    if (!contains(ends_[i])) continue;
-    const std::size_t cell = index(ends_[i].x(), ends_[i].y());
-    if (isOccupied(cells_[cell])) average(cell, scan.reflectivities[i], options.max_count);
+    if (!box_.contains(ends_[i])) continue;
+    Tile& tile = tileFor(ends_[i].x(), ends_[i].y());
+    const std::size_t at = indexIn(ends_[i].x(), ends_[i].y());
+    Cell& cell = tile.cells[at];
+    std::uint16_t& count = tile.counts[at];
+    const float reflectivity = scan.reflectivities[i];
+    if (!isOccupied(cell) || !std::isfinite(reflectivity)) continue;
+    if (count < options.max_count) ++count;
+    cell.reflectivity += (reflectivity - cell.reflectivity) / count;
   }
 }
 
 void GridMap::Marks::reset(const Eigen::AlignedBox2i& box) {
-  min = box.min();
-  height = box.sizes().y() + 1;
-  width = (box.sizes().x() / sizeof(Word) + 1) * sizeof(Word);
+  constexpr int kWord = sizeof(Word);
+  static_assert(kTileSide % kWord == 0);
+  min = {box.min().x() & -kWord, box.min().y()};
+  height = box.max().y() - min.y() + 1;
+  width = ((box.max().x() - min.x()) / kWord + 1) * kWord;
   values.assign(static_cast<std::size_t>(width) * height, kNone);
 }
 
@@ -140,38 +174,32 @@ void GridMap::applyMarks(const MapOptions& options) {
   const FreeCells free_cells(miss_odds, least);
   for (int y = 0; y < marks_.height; ++y) {
     const std::uint8_t* const row = &marks_.values[static_cast<std::size_t>(y) * marks_.width];
-    const std::size_t first = index(marks_.min.x(), marks_.min.y() + y);
-    for (int x = 0; x < marks_.width; ++x) {
-      if (x % sizeof(Marks::Word) == 0) {
-        Marks::Word word;
-        std::memcpy(&word, row + x, sizeof(word));
-        const bool inside = marks_.min.x() + x + static_cast<int>(sizeof(word)) <= width_;
-        if (word == 0 || (inside && free_cells.clear(word, &cells_[first + x]))) {
-          x += sizeof(word) - 1;
-          continue;
-        }
-      }
-      if (row[x] == Marks::kNone) continue;
-      Cell& cell = cells_[first + x];
-      if (row[x] >= Marks::kUnsureHit) {
-        const float odds = row[x] & Marks::kHit ? hit_odds : unsure_odds;
-        cell.occupancy = std::min(observed(cell.occupancy, odds), most);
-      } else if (row[x] & Marks::kClear || !isKnown(cell)) {
-        if (cell.occupancy <= least) continue;
-        cell.occupancy = std::max(observed(cell.occupancy, miss_odds), least);
-        if (!isOccupied(cell) && counts_[first + x] > 0) {
-          counts_[first + x] = 0;
-          cell.reflectivity = 0.0f;
+    for (int x = 0; x < marks_.width; x += sizeof(Marks::Word)) {
+      Marks::Word word;
+      std::memcpy(&word, row + x, sizeof(word));
+      if (word == 0) continue;
+      const Eigen::Vector2i at = marks_.min + Eigen::Vector2i(x, y);
+      Tile& tile = tileFor(at.x(), at.y());
+      const std::size_t first = indexIn(at.x(), at.y());
+      if (free_cells.clear(word, &tile.cells[first])) continue;
+      for (std::size_t i = 0; i < sizeof(word); ++i) {
+        const std::uint8_t mark = row[x + i];
+        if (mark == Marks::kNone) continue;
+        Cell& cell = tile.cells[first + i];
+        if (mark >= Marks::kUnsureHit) {
+          const float odds = mark & Marks::kHit ? hit_odds : unsure_odds;
+          cell.occupancy = std::min(observed(cell.occupancy, odds), most);
+        } else if (mark & Marks::kClear || !isKnown(cell)) {
+          if (cell.occupancy <= least) continue;
+          cell.occupancy = std::max(observed(cell.occupancy, miss_odds), least);
+          if (!isOccupied(cell) && tile.counts[first + i] > 0) {
+            tile.counts[first + i] = 0;
+            cell.reflectivity = 0.0f;
+          }
         }
       }
     }
   }
-}
-
-void GridMap::average(std::size_t cell, float reflectivity, int max_count) {
-  if (!std::isfinite(reflectivity)) return;
-  if (counts_[cell] < max_count) ++counts_[cell];
-  cells_[cell].reflectivity += (reflectivity - cells_[cell].reflectivity) / counts_[cell];
 }
 
 // The cells of a line that are nearest to it, one per row or column, without the last.
@@ -198,45 +226,55 @@ void GridMap::markBeam(const Eigen::Vector2i& from, const Eigen::Vector2i& to, d
   clear(length - unsure, length, Marks::kClearUnknown);
 }
 
-// No more than what was observed: a large map is much slower to fill than a scan.
 void GridMap::clear() {
-  if (observed_box_.isEmpty()) return;
-  const std::size_t columns = observed_box_.sizes().x() + 1;
-  for (int y = observed_box_.min().y(); y <= observed_box_.max().y(); ++y) {
-    std::fill_n(&cells_[index(observed_box_.min().x(), y)], columns, Cell{});
-    std::fill_n(&counts_[index(observed_box_.min().x(), y)], columns, 0);
-  }
-  observed_box_.setEmpty();
-}
-
-void GridMap::grow(int left, int right, int below, int above) {
-  GridMap grown(resolution_, origin_ - resolution_ * Eigen::Vector2d(left, below), width_ + left + right,
-                height_ + below + above);
-  for (int y = 0; y < height_; ++y) {
-    const std::size_t from = index(0, y), to = grown.index(left, y + below);
-    std::copy_n(&cells_[from], width_, &grown.cells_[to]);
-    std::copy_n(&counts_[from], width_, &grown.counts_[to]);
-  }
-  grown.observed_box_ = observed_box_;
-  if (!observed_box_.isEmpty()) grown.observed_box_.translate(Eigen::Vector2i(left, below));
-  *this = std::move(grown);
+  std::fill(tiles_.begin(), tiles_.end(), TilePointer());
 }
 
 void GridMap::set(int x, int y, const Cell& cell, std::uint16_t count) {
-  observed_box_.extend(Eigen::Vector2i(x, y));
-  cells_[index(x, y)] = cell;
-  counts_[index(x, y)] = count;
+  Tile& tile = tileFor(x, y);
+  tile.cells[indexIn(x, y)] = cell;
+  tile.counts[indexIn(x, y)] = count;
+}
+
+bool GridMap::add(int x, int y, const Tile& tile) {
+  if (!box_.contains(Eigen::Vector2i(x, y)) || tiles_[indexOf(x, y)]) return false;
+  tileFor(x, y) = tile;
+  return true;
 }
 
 Eigen::AlignedBox2i GridMap::knownCells() const {
-  Eigen::AlignedBox2i box;
-  if (observed_box_.isEmpty()) return box;
-  for (int y = observed_box_.min().y(); y <= observed_box_.max().y(); ++y) {
-    for (int x = observed_box_.min().x(); x <= observed_box_.max().x(); ++x) {
-      if (isKnown(cell(x, y))) box.extend(Eigen::Vector2i(x, y));
+  Eigen::AlignedBox2i known;
+  forTiles([&](const Tile& tile, const Eigen::AlignedBox2i& box) {
+    for (int y = box.min().y(); y <= box.max().y(); ++y) {
+      for (int x = box.min().x(); x <= box.max().x(); ++x) {
+        if (isKnown(tile.cells[indexIn(x, y)])) known.extend(Eigen::Vector2i(x, y));
+      }
     }
-  }
-  return box;
+  });
+  return known;
+}
+
+std::size_t GridMap::bytes() const {
+  return sizeof(Tile) *
+             std::count_if(tiles_.begin(), tiles_.end(), [](const auto& tile) { return bool(tile); }) +
+         sizeof(TilePointer) * tiles_.size();
+}
+
+bool operator==(const GridMap& a, const GridMap& b) {
+  const auto holdsAllOf = [](const GridMap& one, const GridMap& other) {
+    bool same = true;
+    other.forTiles([&](const GridMap::Tile&, const Eigen::AlignedBox2i& box) {
+      for (int y = box.min().y(); same && y <= box.max().y(); ++y) {
+        for (int x = box.min().x(); same && x <= box.max().x(); ++x) {
+          const GridMap::Cell &c = one.cell(x, y), &d = other.cell(x, y);
+          same = c.occupancy == d.occupancy && c.reflectivity == d.reflectivity &&
+                 one.count(x, y) == other.count(x, y);
+        }
+      }
+    });
+    return same;
+  };
+  return a.resolution_ == b.resolution_ && holdsAllOf(a, b) && holdsAllOf(b, a);
 }
 
 }  // namespace intensity_hector_slam

@@ -11,7 +11,7 @@ Eigen::AlignedBox2i shownCells(const GridMap& map) {
 mapping_common::MapImage imageOf(const GridMap& map) {
   using mapping_common::MapImage;
   const Eigen::AlignedBox2i box = shownCells(map);
-  const Eigen::Vector2d origin = map.origin() + map.resolution() * box.min().cast<double>();
+  const Eigen::Vector2d origin = map.resolution() * box.min().cast<double>();
   MapImage image;
   image.width = box.sizes().x() + 1;
   image.height = box.sizes().y() + 1;

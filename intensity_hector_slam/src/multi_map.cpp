@@ -3,20 +3,30 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <sstream>
 #include <stdexcept>
 
 namespace intensity_hector_slam {
+namespace {
+
+// The same area in cells that are so many times smaller.
+Eigen::AlignedBox2i scaled(const Eigen::AlignedBox2i& box, int scale) {
+  const Eigen::Vector2i one = Eigen::Vector2i::Ones();
+  return {scale * box.min(), scale * (box.max() + one) - one};
+}
+
+}  // namespace
 
 MultiMap::MultiMap(const MapOptions& options) : options_(mapping_common::validate(options)) {
   // All levels have the same borders: sizes are whole cells of the coarsest.
   const double coarsest = options_.resolution * (1 << (options_.levels - 1));
   const int size = std::max(2, options_.size >> (options_.levels - 1));
-  const Eigen::Vector2d min(-coarsest * std::round(options_.start_x * size),
-                            -coarsest * std::round(options_.start_y * size));
+  const Eigen::Vector2i min(-std::lround(options_.start_x * size), -std::lround(options_.start_y * size));
+  const Eigen::AlignedBox2i box(min, min + Eigen::Vector2i::Constant(size - 1));
   for (int i = 0; i < options_.levels; ++i) {
     const int scale = 1 << (options_.levels - 1 - i);
-    levels_.emplace_back(coarsest / scale, min, size * scale, size * scale);
+    levels_.emplace_back(coarsest / scale, scaled(box, scale));
   }
 }
 
@@ -47,32 +57,32 @@ void MultiMap::update(const Scan& scan, const Pose& pose) {
 }
 
 void MultiMap::growTo(const Scan& scan, const Pose& pose) {
+  constexpr double kLeast = 5.0;  // m, so that the borders don't move with each scan
   const GridMap& coarsest = levels_.back();
-  const double cell = coarsest.resolution();
   const Eigen::Isometry2d to_map = isometry(pose);
-  Eigen::AlignedBox2d seen(to_map * scan.origin.cast<double>());
+  Eigen::AlignedBox2i seen(coarsest.cellAt(to_map * scan.origin.cast<double>()));
   for (const auto* ends : {&scan.points, &scan.free}) {
-    for (const Eigen::Vector2f& end : *ends) seen.extend(to_map * end.cast<double>());
+    for (const Eigen::Vector2f& end : *ends) seen.extend(coarsest.cellAt(to_map * end.cast<double>()));
   }
 
-  // By no less than a quarter of the map, so that it doesn't grow with each scan.
-  const auto added = [&](double missing, int side) {
-    if (missing <= 0.0) return 0;
-    const int room = std::max(0, static_cast<int>(options_.max_size / cell) - side);
-    return static_cast<int>(std::min<double>(room, std::max(std::ceil(missing / cell) + 1.0, side / 4.0)));
-  };
-  const int width = coarsest.width(), height = coarsest.height();
-  const Eigen::Vector2d min = coarsest.origin(), max = min + cell * Eigen::Vector2d(width, height);
-  const Eigen::Array2d margin = Eigen::Array2d::Constant(cell);
-  const Eigen::Array2d low = min.array() - seen.min().array() + margin,
-                       high = seen.max().array() - max.array() + margin;
-  const int left = added(low.x(), width), right = added(high.x(), width + left);
-  const int below = added(low.y(), height), above = added(high.y(), height + below);
-  if (left + right + below + above == 0) return;
-  for (int i = 0; i < levels(); ++i) {
-    const int scale = 1 << (levels() - 1 - i);
-    levels_[i].grow(scale * left, scale * right, scale * below, scale * above);
+  Eigen::AlignedBox2i box = coarsest.box();
+  const int most = static_cast<int>(options_.max_size / coarsest.resolution()),
+            least = static_cast<int>(std::ceil(kLeast / coarsest.resolution()));
+  for (int axis : {0, 1}) {
+    const auto added = [&](int missing) {
+      const int room = std::max(0, most - (box.sizes()[axis] + 1));
+      return missing < 0 ? 0 : std::min(room, std::max(missing + 1, least));
+    };
+    box.min()[axis] -= added(box.min()[axis] - seen.min()[axis]);
+    box.max()[axis] += added(seen.max()[axis] - box.max()[axis]);
   }
+  if (coarsest.box().contains(box)) return;
+  for (int i = 0; i < levels(); ++i) levels_[i].growTo(scaled(box, 1 << (levels() - 1 - i)));
+}
+
+std::size_t MultiMap::bytes() const {
+  return std::accumulate(levels_.begin(), levels_.end(), std::size_t{0},
+                         [](std::size_t sum, const GridMap& level) { return sum + level.bytes(); });
 }
 
 }  // namespace intensity_hector_slam

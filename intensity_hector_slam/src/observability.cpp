@@ -38,12 +38,16 @@ double textureAlong(const Vector3d& motion, const Scan& scan, const std::vector<
 Overlap overlapOf(const GridMap& map, const Beams& beams, const Pose& pose) {
   const double cells = 1.0 / map.resolution();
   const float c = cells * std::cos(pose.z()), s = cells * std::sin(pose.z());
-  const float u0 = cells * (pose.x() - map.origin().x()), v0 = cells * (pose.y() - map.origin().y());
+  const float u0 = cells * pose.x(), v0 = cells * pose.y();
+  const auto below = [](float value) {
+    const float at = std::clamp(value, -1e9f, 1e9f);
+    const int cut = static_cast<int>(at);
+    return cut - (at < static_cast<float>(cut));
+  };
   std::size_t occupied = 0, free = 0;
   for (std::size_t i = 0; i < beams.count; ++i) {
     const float u = c * beams.x[i] - s * beams.y[i] + u0, v = s * beams.x[i] + c * beams.y[i] + v0;
-    if (!(u >= 0.0f && v >= 0.0f && u < map.width() && v < map.height())) continue;
-    const GridMap::Cell& cell = map.cell(static_cast<int>(u), static_cast<int>(v));
+    const GridMap::Cell& cell = map.cell(below(u), below(v));
     occupied += GridMap::isOccupied(cell);
     free += GridMap::isFree(cell);
   }

@@ -53,8 +53,9 @@ ScanSearch::ScanSearch(const GridMap& map, const SearchOptions& options, bool re
     const double difference = std::min(1.0, i / 255.0 / options_.reflectivity_scale);
     factors_[i] = std::lround(0.5 * kFull * (1.0 - options_.reflectivity_share * difference));
   }
-  const auto cellAt = [&](const Eigen::Vector2d& point) -> Eigen::Vector2i {
-    return ((point - map.origin()).array() / cell_).floor().max(-1e8).min(1e8).cast<int>();
+  constexpr double kFarAway = 1e8;  // cells
+  const auto cellAt = [&](const Eigen::Vector2d& point) {
+    return map.cellAt(point.cwiseMax(-kFarAway * cell_).cwiseMin(kFarAway * cell_));
   };
   Eigen::AlignedBox2i box =
       map.knownCells().intersection(Eigen::AlignedBox2i(cellAt(looked_at.min()), cellAt(looked_at.max())));
@@ -62,7 +63,7 @@ ScanSearch::ScanSearch(const GridMap& map, const SearchOptions& options, bool re
   const Eigen::Vector2i first = box.min() - Eigen::Vector2i::Constant(kMargin);
   width_ = box.sizes().x() + 1 + 2 * kMargin;
   height_ = box.sizes().y() + 1 + 2 * kMargin;
-  origin_ = map.origin() + cell_ * first.cast<double>();
+  origin_ = cell_ * first.cast<double>();
   levels_.resize(kLevels);
   levels_[0].resize(static_cast<std::size_t>(width_) * height_);
   for (int y = box.min().y(); y <= box.max().y(); ++y) {

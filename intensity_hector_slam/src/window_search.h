@@ -36,18 +36,14 @@ Pose searchWindow(const GridMap& map, const Beams& beams, const Pose& guess, con
   const auto costAt = [&](int dx, int dy, float prior, float limit) {
     float sum = prior;
     for (std::size_t i = 0; i < beams.count && sum < limit; i += stride) {
-      const int x = ends[i].x() + dx, y = ends[i].y() + dy;
-      const bool inside = x >= 0 && y >= 0 && x < map.width() && y < map.height();
-      const GridMap::Cell cell = inside ? map.cell(x, y) : GridMap::Cell{};
-      sum += square(cell, i);
+      sum += square(map.cell(ends[i].x() + dx, ends[i].y() + dy), i);
     }
     return sum;
   };
   const auto turnTo = [&](double angle) {
     const Eigen::Isometry2d to_map = isometry({guess.x(), guess.y(), angle});
     for (std::size_t i = 0; i < beams.count; i += stride) {
-      const Eigen::Vector2d end = (to_map * Eigen::Vector2d(beams.x[i], beams.y[i]) - map.origin()) * cells;
-      ends[i] = end.array().floor().min(1e9).max(-1e9).cast<int>();
+      ends[i] = map.cellAt(to_map * Eigen::Vector2d(beams.x[i], beams.y[i]));
     }
   };
   turnTo(guess.z());

@@ -128,10 +128,10 @@ TEST(ToScan, RefusesMalformedMessages) {
 }
 
 TEST(MapConversion, ShowsWhatCellsAre) {
-  GridMap map(0.5, {-1.0, 2.0}, 4, 3);
-  map.set(1, 0, {0.9F, 0.4F}, 3);
-  map.set(2, 1, {0.1F, 0.0F}, 0);
-  map.set(3, 2, {0.8F, 1.7F}, 1);
+  GridMap map(0.5, {Eigen::Vector2i(-2, 4), Eigen::Vector2i(1, 6)});
+  map.set(-1, 4, {0.9F, 0.4F}, 3);
+  map.set(0, 5, {0.1F, 0.0F}, 0);
+  map.set(1, 6, {0.8F, 1.7F}, 1);
   const auto occupancy = toOccupancyGrid(map), reflectivity = toReflectivityGrid(map);
   EXPECT_EQ(4u, occupancy.info.width);
   EXPECT_EQ(3u, occupancy.info.height);

@@ -79,14 +79,13 @@ class MapCorrection : public mapping_common::NodeletTest, protected RoomDrive {
   static double difference(const MultiMap& a, const MultiMap& b) {
     const GridMap &x = a.level(0), &y = b.level(0);
     std::size_t known = 0, differ = 0;
-    for (int row = 0; row < x.height(); ++row) {
-      for (int column = 0; column < x.width(); ++column) {
-        const GridMap::Cell* other =
-            y.find(x.origin() + x.resolution() * Eigen::Vector2d(column + 0.5, row + 0.5));
-        const GridMap::Cell& cell = x.cell(column, row);
-        known += GridMap::isKnown(cell);
-        differ += other == nullptr || std::abs(other->occupancy - cell.occupancy) > 1e-3F ||
-                  std::abs(other->reflectivity - cell.reflectivity) > 1e-3F;
+    const Eigen::AlignedBox2i box = x.knownCells().merged(y.knownCells());
+    for (int row = box.min().y(); row <= box.max().y(); ++row) {
+      for (int column = box.min().x(); column <= box.max().x(); ++column) {
+        const GridMap::Cell &cell = x.cell(column, row), &other = y.cell(column, row);
+        known += GridMap::isKnown(cell) || GridMap::isKnown(other);
+        differ += std::abs(other.occupancy - cell.occupancy) > 1e-3F ||
+                  std::abs(other.reflectivity - cell.reflectivity) > 1e-3F;
       }
     }
     return static_cast<double>(differ) / static_cast<double>(known);

@@ -121,7 +121,7 @@ TEST(Slam, SaysWhatBecameOfTheFirstScan) {
 TEST(Slam, EmptyScansAreSaidAndChangeNothing) {
   Slam slam;
   drive(slam, 0.0, 1.0);
-  const auto cells = slam.map().level(0).cells();
+  const MultiMap before = slam.map();
   for (int i = 0; i < 3; ++i) {
     Scan empty;
     empty.stamp = 101.0 + kPeriod * i;
@@ -131,8 +131,7 @@ TEST(Slam, EmptyScansAreSaidAndChangeNothing) {
     EXPECT_GT(result.covariance(0, 0), 0.5);
     EXPECT_LT(errorOf(result.pose, 1.0 + kPeriod * i), 0.05);  // at constant velocity
   }
-  EXPECT_EQ(0,
-            std::memcmp(cells.data(), slam.map().level(0).cells().data(), cells.size() * sizeof(cells[0])));
+  EXPECT_TRUE(before == slam.map());
   EXPECT_LT(drive(slam, 1.15, 3.0), 0.03);
 }
 
@@ -407,8 +406,7 @@ TEST(Slam, LocalizesInAMapWithoutChangingIt) {
   Slam slam(options);
   slam.setMap(mapping.map(), truthAt(0.0) + Pose(0.15, -0.1, 0.1));
   EXPECT_LT(drive(slam, 0.0, 8.0), 0.04);
-  EXPECT_EQ(0, std::memcmp(mapping.map().level(0).cells().data(), slam.map().level(0).cells().data(),
-                           slam.map().level(0).cells().size() * sizeof(GridMap::Cell)));
+  EXPECT_TRUE(mapping.map() == slam.map());
   slam.reset();
   EXPECT_EQ(Status::kRejected, slam.process(scanAt(0.0)).status);
 }
@@ -420,8 +418,27 @@ TEST(Slam, IsTheSameToTheBit) {
     ASSERT_EQ(a.pose, b.pose);
     ASSERT_EQ(a.covariance, b.covariance);
   }
-  const auto &a = one.map().level(0).cells(), &b = two.map().level(0).cells();
-  EXPECT_EQ(0, std::memcmp(a.data(), b.data(), a.size() * sizeof(a[0])));
+  EXPECT_TRUE(one.map() == two.map());
+}
+
+TEST(Slam, TheSizeOfTheMapChangesNothing) {
+  Slam usual;
+  std::vector<Slam> others;
+  for (const int size : {16, 777, 4096}) {
+    SlamOptions options;
+    options.map.size = size;
+    options.map.start_x = 0.3;
+    others.emplace_back(options);
+  }
+  for (int i = 0; i < 60; ++i) {
+    const SlamResult expected = usual.process(scanAt(kPeriod * i));
+    for (Slam& slam : others) {
+      const SlamResult result = slam.process(scanAt(kPeriod * i));
+      ASSERT_EQ(expected.pose, result.pose);
+      ASSERT_EQ(expected.covariance, result.covariance);
+    }
+  }
+  for (const Slam& slam : others) EXPECT_TRUE(usual.map() == slam.map());
 }
 
 TEST(Slam, RefusesScansThatAreNone) {
@@ -529,12 +546,7 @@ TEST(CorrectedMap, HasAllScansAndThePoseGoesOn) {
   const Pose before = slam.pose();
   slam.correct(corrected, correction, correction.stamp);
   EXPECT_EQ(compose(correction.correction, before), slam.pose());
-  ASSERT_EQ(direct.level(0).cells().size(), slam.map().level(0).cells().size());
-  for (std::size_t i = 0; i < direct.level(0).cells().size(); ++i) {
-    const auto &expected = direct.level(0).cells()[i], &cell = slam.map().level(0).cells()[i];
-    ASSERT_EQ(expected.occupancy, cell.occupancy);
-    ASSERT_EQ(expected.reflectivity, cell.reflectivity);
-  }
+  EXPECT_TRUE(direct == slam.map());
   for (double time = 4.0; time < 8.0; time += kPeriod) {
     const SlamResult result = slam.process(scanAt(time));
     EXPECT_EQ(Status::kMatched, result.status);

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "pose_graph/session.h"
 
+#include <mapping_common/compression.h>
+
 #include <cstring>
 #include <fstream>
 #include <stdexcept>
 #include <utility>
 
-#include "compression.h"
 #include "session_tables.h"
 
 namespace pose_graph {
@@ -137,7 +138,7 @@ KeyData Session::readData(const Database::Use& row) const {
   data.sensor = readPose(row, 4);
   data.format = static_cast<std::uint32_t>(row.number(11));
   try {
-    data.data = decompress(row.bytes(13), static_cast<std::size_t>(row.number(12)));
+    data.data = mapping_common::decompress(row.bytes(13), static_cast<std::size_t>(row.number(12)));
   } catch (const std::runtime_error& e) {
     database_->fail("it is corrupted at key pose " + std::to_string(data.key_pose) + ": " + e.what());
   }

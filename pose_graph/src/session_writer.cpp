@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fcntl.h>
+#include <mapping_common/compression.h>
 #include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -17,7 +18,6 @@
 #include <unordered_set>
 #include <utility>
 
-#include "compression.h"
 #include "pose_graph/session.h"
 #include "session_tables.h"
 
@@ -354,7 +354,7 @@ void SessionWriter::Implementation::writeForeignEdge(const ForeignEdge& edge) {
 }
 
 void SessionWriter::Implementation::writeData(const KeyData& data) {
-  const std::string stored = compress(data.data);
+  const std::string stored = mapping_common::compress(data.data);
   Database::Use use(database_, put_data_);
   use << data.key_pose << static_cast<std::int64_t>(data.kind) << data.stamp << data.frame;
   bind(use, data.sensor);

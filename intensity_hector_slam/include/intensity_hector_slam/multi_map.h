@@ -26,19 +26,23 @@ class MultiMap {
   /// @throws std::invalid_argument where another map's options have another resolution or number of levels;
   /// it names both
   void requireLike(const MapOptions& options) const;
+  /// Of all levels' cells.
+  std::size_t bytes() const;
   /// Counts the updates.
   std::size_t updates() const { return updates_; }
 
   /// What appears where space was surely free (MapOptions::sure_free) weighs as little as a beam that crosses
   /// it: what moves doesn't get into the map, what stays does.
   void update(const Scan& scan, const Pose& pose);
-  /// Forgets all cells. The size stays.
+  /// Forgets all cells. The borders stay.
   void clear();
+  /// Whether the same is known on all levels.
+  friend bool operator==(const MultiMap& a, const MultiMap& b) { return a.levels_ == b.levels_; }
 
   /// Writes all levels to a file: see map_file.cpp.
   /// @throws std::runtime_error that names the file
   void save(const std::string& path) const;
-  /// @param options all but the resolution, the levels and the size, which are the file's
+  /// @param options all but the resolution, the levels and the borders, which are the file's
   /// @throws std::runtime_error that names the file and what is wrong with it
   static MultiMap load(const std::string& path, const MapOptions& options = {});
   /// What is in such a file, and the map of it.

@@ -27,7 +27,9 @@ struct MapOptions {
     o("map_resolution", resolution, "m",
       "edge of a cell of the finest level. Coarser is faster and forgives sparse scanners")
         .within(0.001, 10.0);
-    o("map_size", size, "", "cells of the finest level along each side, at the start").within(2, 32768);
+    o("map_size", size, "",
+      "cells of the finest level along each side, at the start; what comes out doesn't depend on it")
+        .within(2, 32768);
     o("map_start_x", start_x, "", "where the origin of map_frame is in the map, from left to right")
         .within(0.0, 1.0);
     o("map_start_y", start_y, "", "the same from below to above").within(0.0, 1.0);

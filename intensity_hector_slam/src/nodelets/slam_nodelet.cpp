@@ -459,6 +459,7 @@ void SlamNodelet::diagnoseMap(StatusWrapper& status) {
   status.summaryf(diagnostic_msgs::DiagnosticStatus::OK, "%d x %d cells", map.width(), map.height());
   status.add("Resolution (m)", map.resolution());
   status.add("Levels", slam_->map().levels());
+  status.add("Memory (MB)", slam_->map().bytes() / 1e6);
   status.add("Updates", slam_->map().updates());
   corrected_maps_->addTo(status);
 }

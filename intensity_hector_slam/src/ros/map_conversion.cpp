@@ -22,12 +22,15 @@ nav_msgs::OccupancyGrid toGrid(const GridMap& map, const Value& value) {
   grid.info.origin.position.x = map.origin().x();
   grid.info.origin.position.y = map.origin().y();
   grid.info.origin.orientation.w = 1.0;
-  grid.data.assign(map.cells().size(), kUnknown);
-  const Eigen::AlignedBox2i& box = map.observedBox();
-  for (int y = box.min().y(); !box.isEmpty() && y <= box.max().y(); ++y) {
-    std::int8_t* const row = &grid.data[static_cast<std::size_t>(y) * map.width()];
-    for (int x = box.min().x(); x <= box.max().x(); ++x) row[x] = value(x, y);
-  }
+  grid.data.assign(static_cast<std::size_t>(map.width()) * map.height(), kUnknown);
+  map.forTiles([&](const GridMap::Tile&, const Eigen::AlignedBox2i& box) {
+    const Eigen::Vector2i first = map.box().min();
+    for (int y = box.min().y(); y <= box.max().y(); ++y) {
+      std::int8_t* to =
+          &grid.data[static_cast<std::size_t>(y - first.y()) * map.width() + box.min().x() - first.x()];
+      for (int x = box.min().x(); x <= box.max().x(); ++x) *to++ = value(x, y);
+    }
+  });
   return grid;
 }
 

@@ -216,7 +216,7 @@ std::string runsToJson(const std::vector<SlamRun>& runs) {
 
 std::string runToJson(const SlamRun& run, const GridMap& map) {
   const Eigen::AlignedBox2i cells = picturedCells(map);
-  const Eigen::Vector2d corner = map.origin() + map.resolution() * cells.min().cast<double>();
+  const Eigen::Vector2d corner = map.resolution() * cells.min().cast<double>();
   return JsonObject()
       .raw("delta", errorsToJson(run.delta))
       .raw("absolute", errorsToJson(run.absolute))

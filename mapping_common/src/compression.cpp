@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
 // The first byte says what follows: the bytes, or a frame of zstd, with its checksum, of the shuffled bytes.
-#include "compression.h"
+#include "mapping_common/compression.h"
 
 #include <zstd.h>
 
 #include <memory>
 #include <stdexcept>
 
-namespace pose_graph {
+namespace mapping_common {
 namespace {
 
 constexpr char kPlain = 0, kShuffled = 1;
@@ -58,4 +58,4 @@ std::string decompress(const std::string& stored, std::size_t size) {
   return shuffle<true>(out);
 }
 
-}  // namespace pose_graph
+}  // namespace mapping_common

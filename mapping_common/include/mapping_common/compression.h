@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <string>
 
-namespace pose_graph {
+namespace mapping_common {
 
 /// Bytes as they are, or compressed by zstd where they get shorter, as numbers of 4 bytes do once the first
 /// bytes of all come first, then the second ones.
@@ -12,4 +12,4 @@ std::string compress(const std::string& bytes);
 /// @throws std::runtime_error where it isn't what `compress` made of as many bytes
 std::string decompress(const std::string& stored, std::size_t size);
 
-}  // namespace pose_graph
+}  // namespace mapping_common
