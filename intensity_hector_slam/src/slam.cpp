@@ -261,15 +261,14 @@ std::optional<Pose> Slam::betterThanOdometry(const Scan& scan, const Pose& motio
   if (!(implausible || far) || map_.updates() == 0 ||
       static_cast<int>(scan.points.size()) < options_.min_points)
     return {};
-  const auto score = [&](const Pose& by, bool search) {
-    return matcher_.match(map_, scan, compose(pose_, by), search).score();
+  const auto score = [&](const Pose& by) {
+    return matcher_.match(map_, scan, compose(pose_, by), true).score();
   };
-  if (score(motion, false) + o.search_min_gain >= 1.0) return {};  // no other can be better by that
-  double best = score(motion, true) + o.search_min_gain;
+  double best = score(motion) + o.search_min_gain;
   std::optional<Pose> better;
   for (const Pose& other : {steady, Pose(Pose::Zero())}) {
     if (!implausible && !isBeyond(between(other, motion), distance, angle)) continue;
-    const double here = score(other, true);
+    const double here = score(other);
     if (here <= best) continue;
     best = here;
     better = other;
