@@ -4,6 +4,7 @@
 #include <mapping_common/testing/temp_dir.h>
 #include <rosgraph_msgs/Log.h>
 #include <sensor_msgs/point_cloud2_iterator.h>
+#include <std_srvs/Empty.h>
 #include <tf2_msgs/TFMessage.h>
 
 #include <cmath>
@@ -98,6 +99,39 @@ TEST_F(ZfReaderNodelet, LoopsOverAllScansOnceToldTo) {
   EXPECT_TRUE(waitFor([&] { return clouds_.messages.size() >= 6; }));
   EXPECT_EQ(test_ + "_1", clouds_.messages[4].header.frame_id);
   EXPECT_LT(clouds_.messages[2].header.stamp, clouds_.messages[4].header.stamp);
+}
+
+TEST_F(ZfReaderNodelet, ReadsAllFilesOfAFolderInOneFrameWithoutTheirPoses) {
+  dir_.write("b.ptx", std::string(kPtx));
+  dir_.write("a.PTX", std::string(kPtx).replace(std::string(kPtx).find("1 2 3"), 5, "9 2 3") + kPtx);
+  dir_.write("c.txt", "not a scan");
+  setParam("file", dir_.path(""));
+  setParam("scan", "all");
+  setParam("publish_tf", false);
+  ASSERT_TRUE(load());
+  ASSERT_TRUE(waitFor([&] { return clouds_.messages.size() == 3; }));
+  for (std::size_t i = 0; i < 3; ++i) {
+    EXPECT_EQ(test_, clouds_.messages[i].header.frame_id);
+    EXPECT_EQ(i == 0 ? 9.0F : 1.0F, *sensor_msgs::PointCloud2ConstIterator<float>(clouds_.messages[i], "x"));
+  }
+  spinFor(0.3);
+  EXPECT_EQ(3u, clouds_.messages.size());
+}
+
+TEST_F(ZfReaderNodelet, WaitsForWhoMustNotMissAScan) {
+  setParam("wait_for", "/" + test_ + "/ready");
+  loadFile("a.ptx", kPtx);
+  spinFor(0.5);
+  EXPECT_TRUE(clouds_.messages.empty());
+  const boost::function<bool(std_srvs::Empty::Request&, std_srvs::Empty::Response&)> answer =
+      [](auto&, auto&) { return true; };
+  const ros::ServiceServer ready = node_.advertiseService("/" + test_ + "/ready", answer);
+  EXPECT_TRUE(clouds_.waitForOne());
+}
+
+TEST_F(ZfReaderNodelet, RefusesAFolderWithoutScans) {
+  setParam("file", dir_.path(""));
+  EXPECT_TRUE(mentions(whyNotLoaded(), {"folder", ".e57"}));
 }
 
 TEST_F(ZfReaderNodelet, StopsAtOnceWhileItReads) {

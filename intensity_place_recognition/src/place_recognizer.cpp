@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 #include <stdexcept>
 #include <utility>
 
@@ -56,7 +57,10 @@ void PlaceRecognizerOptions::describe(mapping_common::OptionList& o) {
       .within(1, 24);
   o("candidates", candidates, "", "of them, the best by the plans, that are aligned roughly").within(1, 1000);
   o("registrations", registrations, "",
-    "of them, the best by shape and intensities, that are registered until one is accepted")
+    "of them, the best by shape and intensities, that are registered until as many as matches are accepted")
+      .within(1, 1000);
+  o("matches", matches, "",
+    "places that a scan is registered to at most; more than 1 where a graph is made of them alone")
       .within(1, 1000);
   o("min_margin", min_margin, "",
     "standard deviations by which intensities correlate better than at any other place of like shape; 0 for "
@@ -168,18 +172,35 @@ Recognition PlaceRecognizer::recognize(const Place& place, int query,
   std::stable_sort(all.begin(), all.end(),
                    [](const Hypothesis& a, const Hypothesis& b) { return a.quality() > b.quality(); });
   const Registrar registrar(place.shape, options_.registration);
+  std::set<int> registered;  // places
+  const auto found = [&](const Hypothesis& h, const Registration& registration) {
+    Recognition r;
+    r.query = query;
+    r.match = h.place;
+    r.similarity = h.similarity;
+    r.registration = registration;
+    if (registration.accepted) {
+      registered.insert(h.place);
+      r.margin = margin(h, registration, all);
+      r.registration.accepted = r.margin >= options_.min_margin;
+    }
+    return r;
+  };
   const Hypothesis* best = nullptr;
   for (std::size_t i = 0; i < all.size() && i < static_cast<std::size_t>(options_.registrations); ++i) {
-    const Registration registration = registrar(shapes_[all[i].place], all[i].alignment.pose);
-    if (best && !registration.accepted && registration.score <= result.registration.score) continue;
-    best = &all[i];
-    result.match = best->place;
-    result.similarity = best->similarity;
-    result.registration = registration;
-    if (registration.accepted) break;
+    const Hypothesis& h = all[i];
+    if (registered.count(h.place) > 0) continue;
+    const Registration registration = registrar(shapes_[h.place], h.alignment.pose);
+    if (!registered.empty()) {
+      Recognition other = found(h, registration);
+      if (other.registration.accepted) result.others.push_back(std::move(other));
+    } else if (!best || registration.accepted || registration.score > result.registration.score) {
+      best = &h;
+      result = found(h, registration);
+    }
+    if (registered.size() == static_cast<std::size_t>(options_.matches)) break;
   }
-  if (best) result.margin = margin(*best, result.registration, all);
-  result.registration.accepted = result.registration.accepted && result.margin >= options_.min_margin;
+  if (best && registered.empty()) result.margin = margin(*best, result.registration, all);
   done(Stage::kVerification);
   return result;
 }

@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <limits>
+#include <set>
 #include <string>
 
 #include "intensity_place_recognition/place_recognizer.h"
@@ -44,6 +45,29 @@ TEST(PlaceRecognizer, FindsAPlaceInAnyDirectionWithItsPose) {
     const Matrix6& covariance = again.registration.covariance;
     EXPECT_GT(covariance.ldlt().vectorD().minCoeff(), 0.0);
     EXPECT_LT(error.translation().norm(), 4.0 * std::sqrt(covariance.diagonal().head<3>().sum()));
+  }
+}
+
+TEST(PlaceRecognizer, RegistersAScanToAsManyPlacesAsAsked) {
+  const auto at = [](int i) { return Street::at(2.5 * i, 0.3 * i, 0.9 * i); };
+  for (const int matches : {1, 3}) {
+    PlaceRecognizerOptions options;
+    options.matches = matches;
+    options.registrations = 8;
+    PlaceRecognizer recognizer(options);
+    for (int i = 0; i < 4; ++i) recognizer.process(Street(2).scan(at(i)));
+    Recognition last = recognizer.process(Street(2).scan(at(4)));
+    ASSERT_TRUE(last.registration.accepted);
+    ASSERT_GE(matches - 1, static_cast<int>(last.others.size()));
+    EXPECT_EQ(matches > 1, !last.others.empty());
+    std::set<int> places;
+    last.others.push_back(last);
+    for (const Recognition& one : last.others) {
+      EXPECT_TRUE(places.insert(one.match).second);
+      EXPECT_EQ(4, one.query);
+      EXPECT_LT(((at(one.match).inverse() * at(4)).inverse() * one.registration.pose).translation().norm(),
+                0.1);
+    }
   }
 }
 

@@ -59,7 +59,7 @@ class LaunchFilesTest(unittest.TestCase):
     def test_all_are_among_them(self):
         names = [f.name for f in LAUNCH_FILES]
         for name in ('hokuyo.launch', 'loop_closure.launch', 'mapping_bag.launch', 'pose_graph.launch', 'reflectivity.launch', 'robot.launch',
-                     'slam.launch'):
+                     'slam.launch', 'stop_scan_go.launch'):
             self.assertIn(name, names)
 
     def test_each_argument_has_a_doc(self):
@@ -171,6 +171,12 @@ class LaunchFilesTest(unittest.TestCase):
             at = '/bob/' if 'robot:=bob' in arguments_ else '/'
             self.assertEqual(slam, params[at + 'slam/odom_frame'].value)
             self.assertEqual(loops, params[at + 'loop_closure/fixed_frame'].value)
+
+    def test_scans_of_unknown_poses(self):
+        params = load(find('stop_scan_go.launch'), 'file:=/a.e57', 'scanner_frame:=zf').params
+        self.assertEqual([False, 'zf', 'zf', 'clouds', False],
+                         [params[name].value for name in ('/zf_reader/publish_tf', '/zf_reader/frame_id', '/pose_graph/base_frame',
+                                                          '/pose_graph/key_poses', '/pose_graph/graph/planar')])
 
     def test_a_calibrated_sick_sends_intensities(self):
         self.assertEqual('none', load(find('robot.launch'), 'laser:=sick').params['/sick/intensity'].value)

@@ -267,13 +267,13 @@ class Street {
   Light light_;
 };
 
+}  // namespace
+
 Eigen::Isometry3d poseOfPlace(const CityOptions& options, int place) {
   const int columns = static_cast<int>(std::ceil(std::sqrt(options.places)));
   const double yaw = Random(options.seed, 3, static_cast<std::uint32_t>(place)).between(-M_PI, M_PI);
   return placed(kApart * (place % columns), kApart * (place / columns), 0.0, yaw);
 }
-
-}  // namespace
 
 std::vector<CityVisit> cityVisits(const CityOptions& options) {
   if (options.places < 1 || options.visits < 1 || static_cast<double>(options.places) * options.visits > 1e6)

@@ -117,6 +117,23 @@ std::vector<std::size_t> connectedParts(const Graph& graph) {
   return part;
 }
 
+Graph largestPart(const Graph& graph) {
+  const std::vector<std::size_t> part = connectedParts(graph);
+  std::vector<std::size_t> sizes(part.size(), 0), index(part.size());
+  for (const std::size_t p : part) ++sizes[p];
+  const auto largest = static_cast<std::size_t>(std::max_element(sizes.begin(), sizes.end()) - sizes.begin());
+  Graph result(graph.planar());
+  for (std::size_t i = 0; i < part.size(); ++i)
+    if (part[i] == largest) index[i] = result.addNode(graph.nodes()[i]);
+  for (Edge edge : graph.edges()) {
+    if (part[edge.from] != largest || part[edge.to] != largest) continue;
+    edge.from = index[edge.from];
+    edge.to = index[edge.to];
+    result.addEdge(edge);
+  }
+  return result;
+}
+
 std::vector<bool> anchors(const Graph& graph) {
   const std::vector<std::size_t> part = connectedParts(graph);
   std::vector<bool> anchored(part.size(), false), stays(part.size(), false);

@@ -61,9 +61,30 @@ void GraphOptimisation::settle(Edges changed) {
   cost_ = cost();
 }
 
+// Parts begin where the first edge between them has the later one.
+void GraphOptimisation::join(const Edges& added) {
+  std::vector<std::size_t> part = connectedParts(graph_);
+  for (const std::size_t e : added) {
+    const Edge& edge = graph_.edges()[e];
+    const std::size_t a = part[edge.from], b = part[edge.to];
+    if (a == b) continue;
+    const Pose &from = graph_.nodes()[edge.from].pose, &to = graph_.nodes()[edge.to].pose;
+    const Pose motion =
+        a < b ? from * edge.transform * to.inverse() : to * edge.transform.inverse() * from.inverse();
+    if (!motion.translation.allFinite() || !motion.rotation.coeffs().allFinite()) continue;
+    for (std::size_t i = 0; i < part.size(); ++i) {
+      if (part[i] != std::max(a, b)) continue;
+      part[i] = std::min(a, b);
+      const Pose moved = motion * graph_.nodes()[i].pose;
+      if (moved.translation.allFinite()) graph_.setPose(i, moved);
+    }
+  }
+}
+
 // @return false if that isn't better, and nothing has changed
 bool GraphOptimisation::tryWith(const Edges& added, const Edges& removed) {
   const State before = state();
+  join(added);
   for (const std::size_t e : added) graph_.setActive(e, true);
   for (const std::size_t e : removed) graph_.setActive(e, false);
   Edges changed = added;
@@ -119,6 +140,24 @@ bool GraphOptimisation::tryGroup(const Edges& group) {
   return true;
 }
 
+// Of several loops that place a part, a wrong one may pull it away from where the others have it: each is
+// tried alone, with all that fits then.
+void GraphOptimisation::tryToJoin(const Edges& group) {
+  const std::vector<std::size_t> part = connectedParts(graph_);
+  const auto joins = [&](std::size_t e) {
+    return part[graph_.edges()[e].from] != part[graph_.edges()[e].to];
+  };
+  if (std::none_of(group.begin(), group.end(), joins)) return;
+  const State before = state();
+  State best = before;
+  for (const std::size_t e : group) {
+    if (!joins(e)) continue;
+    if (tryWith({e}, {}) && cost_ < best.cost) best = state();
+    restore(before);
+  }
+  restore(best);
+}
+
 // Groups of wrong loops that agree with each other may fit, and bend the trusted edges between. Those with
 // the largest residuals are left out in turn.
 void GraphOptimisation::doubt() {
@@ -168,6 +207,7 @@ void GraphOptimisation::run(const Progress& progress) {
     for (const std::size_t e : group)
       if (!graph_.edges()[e].active) left.push_back(e);
     if (!left.empty() && !ended) in_doubt |= tryGroup(left);
+    if (left.size() > 1 && !ended) tryToJoin(left);
   }
   if (in_doubt && !ended) doubt();
   progress_ = nullptr;

@@ -127,6 +127,13 @@ bool OnlineGraph::isDoubled(const Measurement& m) const {
   return false;
 }
 
+void OnlineGraph::addKeyPose(std::int64_t stamp) {
+  if (stamp <= 0) throw std::invalid_argument("a key pose without a stamp");
+  if (!find(stamp)) addNode(stamp, {});
+  now_ = std::max(now_, stamp);
+  retryWaiting();
+}
+
 void OnlineGraph::addFrontEndPose(std::int64_t stamp, const Pose& pose) {
   checkTransform(pose, "a pose of the front end");
   if (!trajectory_.add(stamp, pose)) return;

@@ -323,6 +323,44 @@ TEST_P(OnlineGraphs, PartsAreJoinedByLoops) {
   EXPECT_LT(worstError(), 0.3);
 }
 
+// Stop, scan, go: nothing is known but by loops, which come together.
+TEST_P(OnlineGraphs, KeyPosesWithoutAFrontEndArePlacedByLoops) {
+  const auto between = [&](std::size_t from, std::size_t to, const Pose& shift = {}) {
+    Edge edge = edgeTo(kPerRound, EdgeType::kLoopClosure);
+    edge.from = from, edge.to = to;
+    edge.transform = drive_.nodes()[from].pose.inverse() * drive_.nodes()[to].pose * shift;
+    edge.information = 1e4 * Matrix6::Identity();
+    return measurement(edge);
+  };
+  // Each is turned by much against those before.
+  const std::vector<std::size_t> scans = {0, 13, 21, 28, 37, 60};
+  for (std::size_t i = 0; i < scans.size(); ++i) {
+    if (i == 2) {
+      EXPECT_EQ(Added::kWaits, graph_.add(between(scans[0], scans[2])));
+    }
+    graph_.addKeyPose(stamp(scans[i]));
+    for (std::size_t k = i < 3 ? 0 : i - 2; k < i && i < 5; ++k) {
+      EXPECT_EQ(i == 2 && k == 0 ? Added::kDoubled : Added::kNow, graph_.add(between(scans[k], scans[i])));
+    }
+    if (i == 4) graph_.add(between(scans[0], scans[4], planarPose(3.0, 1.0, 1.0)));  // a wrong one
+    optimise();
+  }
+  EXPECT_EQ(2u, graph_.parts()) << "nothing shows the last one";
+  EXPECT_EQ(6u, graph_.graph().nodes().size());
+  EXPECT_EQ(1u, edges(EdgeState::kPending));
+  EXPECT_EQ(7u, edges(EdgeState::kAccepted));
+  const Graph known = largestPart(graph_.graph());
+  ASSERT_EQ(5u, known.nodes().size());
+  EXPECT_EQ(8u, known.edges().size());
+  const Pose shift = drive_.nodes()[0].pose * known.nodes()[0].pose.inverse();
+  for (std::size_t i = 0; i < known.nodes().size(); ++i) {
+    EXPECT_EQ(stamp(scans[i]), known.nodes()[i].stamp);
+    EXPECT_LT(
+        ((shift * known.nodes()[i].pose).translation - drive_.nodes()[scans[i]].pose.translation).norm(),
+        1e-6);
+  }
+}
+
 TEST_P(OnlineGraphs, AFalsePlaceOfAPartIsRevoked) {
   drive(0, 50);
   for (std::size_t i = 52; i <= 100; ++i) graph_.add(step(i));

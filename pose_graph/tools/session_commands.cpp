@@ -218,6 +218,11 @@ void exportSession(const SessionArguments& a) {
       if (graph.edges()[e].type != EdgeType::kConsecutive) graph.setActive(e, false);
     startFromOdometry(graph);
   }
+  // Without odometry, where a part lies to another isn't known.
+  const auto& edges = graph.edges();
+  if (!edges.empty() && std::none_of(edges.begin(), edges.end(),
+                                     [](const Edge& e) { return e.type == EdgeType::kConsecutive; }))
+    graph = largestPart(graph);
   const std::string ending = endingOf(a.out);
   if (ending == ".g2o" || ending == ".tum") {
     writeGraph(a.out, graph);

@@ -13,6 +13,7 @@
 #include <stdexcept>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "hokuyo_sick_drivers/zf/scan_cloud.h"
@@ -55,14 +56,17 @@ class ZfReaderNodelet : public mapping_common::Nodelet {
 
   void run();
   [[noreturn]] void readAndPublish();
-  Scan readScan(ScanFileReader& reader, std::size_t index, bool only_one);
+  Scan readScan(ScanFileReader& reader, std::size_t index, const std::string& frame);
   void publish(Scan& scan);
+  void waitForServices();
   void waitForSubscriber();
   void waitForNext();
   void waitForLoop();
   void diagnose(StatusWrapper& status);
 
   ZfReaderParameters parameters_;  // rate and loop: with mutex_
+  std::vector<std::string> files_;
+  std::string file_;  // that the thread reads
 
   ros::Publisher publisher_;
   std::unique_ptr<tf2_ros::StaticTransformBroadcaster> broadcaster_;
@@ -97,18 +101,21 @@ void ZfReaderNodelet::start(mapping_common::Parameters& parameters) {
 void ZfReaderNodelet::readParameters(mapping_common::Parameters& parameters) {
   parameters.read(parameters_);
   if (parameters_.file.empty())
-    throw std::invalid_argument("~file is '', allowed is the path of a scan file");
+    throw std::invalid_argument("~file is '', allowed is the path of a scan file or of a folder of them");
   parseOffset(parameters_.offset, parameters_.cloud);
   parameters_.reading.opening = [this](double done) {
     const std::lock_guard<std::mutex> lock(mutex_);
     state_.progress = done;
     return !stop_;
   };
-  const auto source = openFile(parameters_.file);
-  try {
-    state_.format = toString(recogniseScanFile(*source, parameters_.file));
-  } catch (const std::runtime_error& e) {
-    throw std::runtime_error(parameters_.file + ' ' + e.what());
+  files_ = scanFiles(parameters_.file);
+  for (const std::string& file : files_) {
+    const auto source = openFile(file);
+    try {
+      state_.format = toString(recogniseScanFile(*source, file));
+    } catch (const std::runtime_error& e) {
+      throw std::runtime_error(file + ' ' + e.what());
+    }
   }
 }
 
@@ -130,10 +137,10 @@ void ZfReaderNodelet::run() {
   } catch (const ReadStopped&) {
     return;
   } catch (const std::bad_alloc&) {
-    error = parameters_.file + " takes more memory than there is: use ~voxel";
+    error = file_ + " takes more memory than there is: use ~voxel";
   } catch (const std::exception& e) {
     error = e.what();
-    if (error.find(parameters_.file) != 0) error = parameters_.file + ' ' + error;
+    if (error.find(file_) != 0) error = file_ + ' ' + error;
   }
   NODELET_FATAL_STREAM("Stopped reading: " << error);
   const std::lock_guard<std::mutex> lock(mutex_);
@@ -141,28 +148,43 @@ void ZfReaderNodelet::run() {
 }
 
 void ZfReaderNodelet::readAndPublish() {
-  const auto reader = openScanFile(parameters_.file, parameters_.reading);
-  const std::vector<std::size_t> chosen = chooseScans(*reader, parameters_.scan);
-  {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    state_.scans = reader->scans().size();
-  }
-  if (chosen.size() > 1) waitForSubscriber();  // a latched publisher only keeps the last one
+  std::unique_ptr<ScanFileReader> reader;
   Scan scan;
+  bool has_subscriber = false;
+  waitForServices();
   while (true) {
-    for (const std::size_t index : chosen) {
-      if (chosen.size() > 1 || !scan.cloud) {
-        scan = Scan();  // its memory is for the next one
-        scan = readScan(*reader, index, chosen.size() == 1);
+    std::size_t before = 0;  // scans of files before this one
+    for (const std::string& file : files_) {
+      if (file_ != file) {
+        file_ = file;
+        reader = openScanFile(file, parameters_.reading);
       }
-      publish(scan);
-      waitForNext();
+      const std::vector<std::size_t> chosen = chooseScans(*reader, parameters_.scan);
+      {
+        const std::lock_guard<std::mutex> lock(mutex_);
+        state_.format = toString(reader->format());
+        state_.scans = reader->scans().size();
+      }
+      const bool several = files_.size() > 1 || chosen.size() > 1;
+      if (several && !std::exchange(has_subscriber, true))
+        waitForSubscriber();  // a latched publisher only keeps the last one
+      for (const std::size_t index : chosen) {
+        if (several || !scan.cloud) {
+          const bool numbered = several && parameters_.publish_tf;
+          scan = Scan();  // its memory is for the next one
+          scan = readScan(*reader, index,
+                          parameters_.frame_id + (numbered ? '_' + std::to_string(before + index + 1) : ""));
+        }
+        publish(scan);
+        waitForNext();
+      }
+      before += reader->scans().size();
     }
     waitForLoop();
   }
 }
 
-Scan ZfReaderNodelet::readScan(ScanFileReader& reader, std::size_t index, bool only_one) {
+Scan ZfReaderNodelet::readScan(ScanFileReader& reader, std::size_t index, const std::string& frame) {
   const ScanInfo& info = reader.scans()[index];
   CloudBuilder builder(info, parameters_.cloud);
   std::uint64_t points = 0;
@@ -170,7 +192,8 @@ Scan ZfReaderNodelet::readScan(ScanFileReader& reader, std::size_t index, bool o
   const bool whole = reader.read(index, [&](const std::vector<ScanPoint>& chunk, double done) {
     builder.add(chunk);
     points += chunk.size();
-    NODELET_INFO_STREAM_THROTTLE(5.0, info.name << ": " << static_cast<int>(100.0 * done) << " % read");
+    NODELET_INFO_STREAM_THROTTLE(
+        5.0, file_ << ", " << info.name << ": " << static_cast<int>(100.0 * done) << " % read");
     const std::lock_guard<std::mutex> lock(mutex_);
     state_.doing = "Reading";
     state_.scan = info.name;
@@ -182,14 +205,15 @@ Scan ZfReaderNodelet::readScan(ScanFileReader& reader, std::size_t index, bool o
   if (!whole) throw ReadStopped();
   ScanCloud cloud = builder.finish();
   const std::vector<std::string> warnings = reader.warnings();
-  for (const std::string& warning : warnings) NODELET_WARN_STREAM(parameters_.file << ": " << warning);
-  NODELET_INFO_STREAM(info.name << ": " << cloud.points << " points, " << cloud.missing << " missing");
+  for (const std::string& warning : warnings) NODELET_WARN_STREAM(file_ << ": " << warning);
+  NODELET_INFO_STREAM(file_ << ", " << info.name << ": " << cloud.points << " points, " << cloud.missing
+                            << " missing");
   if (!cloud.offset.isZero())
     NODELET_INFO_STREAM("Offset taken off the points: " << cloud.offset.transpose());
 
   Scan scan;
   std_msgs::Header header;
-  header.frame_id = parameters_.frame_id + (only_one ? "" : '_' + std::to_string(index + 1));
+  header.frame_id = frame;
   scan.pose = toMessage(cloud.pose, header, parameters_.parent_frame);
   {
     const std::lock_guard<std::mutex> lock(mutex_);
@@ -215,6 +239,18 @@ void ZfReaderNodelet::publish(Scan& scan) {
   const std::lock_guard<std::mutex> lock(mutex_);
   ++state_.published;
   state_.doing = "Published";
+}
+
+void ZfReaderNodelet::waitForServices() {
+  for (const std::string& name : mapping_common::listOf(parameters_.wait_for)) {
+    const std::string service = getNodeHandle().resolveName(name);
+    while (!ros::service::exists(service, false)) {
+      std::unique_lock<std::mutex> lock(mutex_);
+      state_.doing = "Waiting for the service " + service;
+      changed_.wait_for(lock, std::chrono::milliseconds(50));
+      if (stop_) throw ReadStopped();
+    }
+  }
 }
 
 void ZfReaderNodelet::waitForSubscriber() {

@@ -1,11 +1,32 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "scan_choice.h"
 
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <filesystem>
 #include <stdexcept>
 
 #include "numbers.h"
 
 namespace hokuyo_sick_drivers {
+
+std::vector<std::string> scanFiles(const std::string& path) {
+  namespace fs = std::filesystem;
+  if (!fs::is_directory(path)) return {path};
+  constexpr std::array<const char*, 4> kEndings = {".e57", ".ptx", ".pts", ".asc"};
+  std::vector<std::string> files;
+  for (const fs::directory_entry& entry : fs::directory_iterator(path)) {
+    std::string ending = entry.path().extension();
+    for (char& c : ending) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+    if (entry.is_regular_file() && std::find(kEndings.begin(), kEndings.end(), ending) != kEndings.end())
+      files.push_back(entry.path());
+  }
+  if (files.empty())
+    throw std::runtime_error(path + " is a folder without any .e57, .ptx, .pts or .asc file");
+  std::sort(files.begin(), files.end());
+  return files;
+}
 
 std::vector<std::size_t> chooseScans(const ScanFileReader& reader, const std::string& choice) {
   const std::vector<ScanInfo>& scans = reader.scans();

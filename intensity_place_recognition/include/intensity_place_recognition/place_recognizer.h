@@ -24,6 +24,7 @@ struct PlaceRecognizerOptions {
   DescriptionOptions description;
   ShapeOptions shape;
   int neighbours = 1000, turns = 3, candidates = 30, registrations = 2;
+  int matches = 1;
   double min_margin = 2.0;
   int beta = 0;
   RegistrationOptions registration;
@@ -45,6 +46,7 @@ struct Recognition {
   /// By how many standard deviations its intensities correlate better than those of any rival: another place,
   /// or another pose at it, where the shape fits about as well. 100: there is none
   double margin = 0.0;
+  std::vector<Recognition> others;  ///< accepted at further places, where PlaceRecognizerOptions::matches > 1
 };
 
 enum class Stage { kPanorama, kDescription, kShape, kSearch, kVerification };

@@ -136,6 +136,7 @@ void PlaceRecognitionNodelet::arrived(const sensor_msgs::PointCloud2& message) {
     if (pictures_.size() > kMostPictures) pictures_.erase(pictures_.begin());
   }
   if (result.registration.accepted) publish(result, message.header);
+  for (const Recognition& other : result.others) publish(other, message.header);
 }
 
 void PlaceRecognitionNodelet::publish(const Recognition& recognition, const std_msgs::Header& header) {

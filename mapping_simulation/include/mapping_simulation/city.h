@@ -32,6 +32,9 @@ struct CityVisit {
 /// @throws std::invalid_argument where options are out of range
 std::vector<CityVisit> cityVisits(const CityOptions& options);
 
+/// Of the middle of a place, with x along its street, in the map frame.
+Eigen::Isometry3d poseOfPlace(const CityOptions& options, int place);
+
 /// The street of a visit in the map frame, 120 m of it, with the cars and people and the light of that time.
 World cityAt(const CityOptions& options, const CityVisit& visit);
 

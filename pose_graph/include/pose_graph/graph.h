@@ -121,6 +121,9 @@ class Graph {
 /// For each node the first one that active edges connect it to: as many different ones as there are parts.
 std::vector<std::size_t> connectedParts(const Graph& graph);
 
+/// The nodes of the largest part, of equal ones the first, and their edges.
+Graph largestPart(const Graph& graph);
+
 /// Which nodes stay where they are, so that all others are determined: the fixed ones, and of each connected
 /// part that has none, the first.
 std::vector<bool> anchors(const Graph& graph);

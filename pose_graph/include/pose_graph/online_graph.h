@@ -117,9 +117,11 @@ class GraphOptimisation {
   double cost() const;
   State state() const;
   void restore(const State& state);
+  void join(const Edges& added);
   void settle(Edges changed);
   bool tryWith(const Edges& added, const Edges& removed);
   bool tryGroup(const Edges& group);
+  void tryToJoin(const Edges& group);
   void doubt();
 
   OnlineOptions options_;
@@ -155,6 +157,9 @@ class OnlineGraph {
   /// be by the front end's trajectory.
   /// @throws std::invalid_argument that says what is malformed
   Added add(const Measurement& measurement);
+  /// A key pose that no edge has made, such as that of a scan of an unknown place: a part of its own, until
+  /// loops connect it.
+  void addKeyPose(std::int64_t stamp);
   /// Where the front end has the body: asked for between key poses, and for where a new chain begins.
   void addFrontEndPose(std::int64_t stamp, const Pose& pose);
   /// Time has jumped back: stamps up to now mean nothing any more. What waits is dropped.

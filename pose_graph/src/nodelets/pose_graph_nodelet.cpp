@@ -2,7 +2,8 @@
 //
 // Keeps the graph of key poses and loops in a session, corrects it after loops, and makes maps anew along it.
 // The graph belongs to the nodelet's single-threaded callback queue. Two threads optimise and make maps of
-// copies; what they found is taken over in the callback queue again.
+// copies; what they found is taken over in the callback queue again. A session is saved in a thread of its
+// own.
 #include <geometry_msgs/PoseStamped.h>
 #include <intensity_hector_slam/ros/parameters.h>
 #include <mapping_common/arrivals.h>
@@ -12,12 +13,15 @@
 #include <mapping_msgs/SaveMap.h>
 #include <pose_graph/AddEdge.h>
 #include <pose_graph/DeleteEdge.h>
+#include <ros/callback_queue.h>
+#include <ros/spinner.h>
 #include <rtree_occupancy_map/ros/parameters.h>
 #include <std_srvs/Trigger.h>
 #include <tf2_eigen/tf2_eigen.h>
 #include <tf2_ros/transform_broadcaster.h>
 
 #include <algorithm>
+#include <atomic>
 #include <filesystem>
 #include <list>
 #include <memory>
@@ -26,6 +30,7 @@
 #include <set>
 #include <sstream>
 #include <string>
+#include <thread>
 #include <tuple>
 #include <utility>
 #include <vector>
@@ -58,6 +63,7 @@ constexpr const char *kDoubled = "doubled", *kExpired = "unknown stamps", *kCrow
                      *kOnePose = "within one key pose", *kNotMatched = "scans don't match";
 
 constexpr double kTick = 0.05;                   // s
+constexpr int kMostTicks = 200;                  // that saving waits for
 constexpr std::size_t kMostWithoutFrame = 1000;  // edges
 
 }  // namespace
@@ -77,6 +83,7 @@ class PoseGraphNodelet : public mapping_common::Nodelet {
   void listen();
   void offerServices();
   std::string open(const std::string& path);
+  std::string save(const std::string& path) const;
 
   void arrived(const EdgeConstraint& edge, const std::string& topic);
   bool tryToAdd(const Waiting& waiting, std::string& why);
@@ -92,6 +99,8 @@ class PoseGraphNodelet : public mapping_common::Nodelet {
   void sayEvents();
   void publish();
   void publishTransform();
+  void publishScanner();
+  void send(const Pose& pose, const std::string& frame, const ros::Time& stamp);
 
   void report() override;
   void diagnoseInput(StatusWrapper& status);
@@ -100,8 +109,9 @@ class PoseGraphNodelet : public mapping_common::Nodelet {
 
   PoseGraphParameters parameters_;
   OnlineGraph graph_;
-  std::shared_ptr<GraphKeeper> keeper_;  // shared with what is at work
-  std::string temporary_;                // file of the session, if nobody has named one
+  std::shared_ptr<GraphKeeper> keeper_;  // shared with what is at work; is changed atomically
+  std::atomic<unsigned> ticks_{0};
+  std::string temporary_;  // file of the session, if nobody has named one
   KeySensors sensors_;
   std::size_t generation_ = 0;  // of graph_: what is at work for an earlier one is of no use
 
@@ -126,6 +136,9 @@ class PoseGraphNodelet : public mapping_common::Nodelet {
   double last_optimisation_ = 0.0, longest_optimisation_ = 0.0;  // s
   std::size_t edges_received_ = 0, optimisations_ = 0, matched_ = 0;
 
+  ros::CallbackQueue saving_;
+  ros::AsyncSpinner saver_{1, &saving_};
+
   // The last, so that they end first.
   std::unique_ptr<CorrectedMaps> maps_;
   std::unique_ptr<Worker> optimiser_;
@@ -133,6 +146,7 @@ class PoseGraphNodelet : public mapping_common::Nodelet {
 
 PoseGraphNodelet::~PoseGraphNodelet() {
   endCallbacks();
+  saver_.stop();
   timer_.stop();
   optimiser_.reset();
   maps_.reset();
@@ -177,7 +191,7 @@ std::string PoseGraphNodelet::open(const std::string& path) {
   OnlineGraph graph(parameters_.graph);
   auto keeper = std::make_shared<GraphKeeper>(path, graph, parameters_.session);
   graph_ = std::move(graph);
-  keeper_ = std::move(keeper);
+  std::atomic_store(&keeper_, std::move(keeper));
   ++generation_;
   sensors_ = KeySensors();
   sensors_.skip(graph_.graph().nodes().size());
@@ -209,7 +223,7 @@ void PoseGraphNodelet::listen() {
   }
   if (parameters_.front_end_pose == FrontEndPose::kTopic) {
     inputs_.push_back(node.subscribe<geometry_msgs::PoseStamped>(
-        "pose", 100, [this](const geometry_msgs::PoseStampedConstPtr& message) {
+        "pose", 1000, [this](const geometry_msgs::PoseStampedConstPtr& message) {
           if (!arrivals_->accept("pose", "Poses", message->header)) return;
           try {
             frontEndPose(message->header.stamp, toPose(message->pose));
@@ -220,7 +234,7 @@ void PoseGraphNodelet::listen() {
   }
   if (parameters_.keep_scans) {
     inputs_.push_back(arrivals_->subscribe<sensor_msgs::LaserScan>(
-        "scan", 50, "Scans",
+        "scan", 1000, "Scans",
         [this](const sensor_msgs::LaserScan& scan, const Arrivals::Transforms& t) { keepScan(scan, t); },
         false));
   }
@@ -304,6 +318,10 @@ void PoseGraphNodelet::keepScan(const sensor_msgs::LaserScan& message,
 
 void PoseGraphNodelet::keepCloud(const sensor_msgs::PointCloud2& message,
                                  const Arrivals::Transforms& transforms) {
+  if (parameters_.key_poses == KeyPoses::kClouds) {
+    graph_.addKeyPose(toNanoseconds(message.header.stamp));
+    changed_ = true;
+  }
   const std::size_t nodes = graph_.graph().nodes().size();
   if (nodes == 0 || sensors_.has(DataKind::kCloud, nodes - 1)) return;
   if (!undistort_clouds_)
@@ -378,6 +396,7 @@ void PoseGraphNodelet::tick() {
     i = done ? waiting_.erase(i) : std::next(i);
   }
   keeper_->update(graph_);
+  ++ticks_;
   for (KeyData& data : sensors_.take(graph_)) keeper_->writer().put(std::move(data));
   sayEvents();
   optimise();
@@ -495,11 +514,13 @@ void PoseGraphNodelet::publish() {
   std_msgs::Header header;
   header.frame_id = parameters_.map_frame;
   for (const Node& node : graph_.graph().nodes()) header.stamp = std::max(header.stamp, toTime(node.stamp));
-  path_.publish(toPath(graph_.graph(), header));
+  const bool all = parameters_.key_poses == KeyPoses::kEdges;
+  path_.publish(toPath(all ? graph_.graph() : largestPart(graph_.graph()), header));
   markers_.publish(toMarkers(graph_, header));
 }
 
 void PoseGraphNodelet::publishTransform() {
+  if (parameters_.key_poses == KeyPoses::kClouds) return publishScanner();
   if (graph_.frontEnd().empty() || graph_.graph().nodes().empty()) return;
   const std::int64_t stamp = graph_.frontEnd().last();
   const ros::Time time = toTime(stamp);
@@ -508,13 +529,35 @@ void PoseGraphNodelet::publishTransform() {
     return;
   const Pose odometry = toPose(
       tf2::transformToEigen(buffer.lookupTransform(parameters_.odom_frame, parameters_.base_frame, time)));
-  const Pose origin = graph_.correction() * *graph_.frontEnd().at(stamp) * odometry.inverse();
+  send(graph_.correction() * *graph_.frontEnd().at(stamp) * odometry.inverse(), parameters_.odom_frame, time);
+}
+
+// At the last scan of known place.
+void PoseGraphNodelet::publishScanner() {
+  if (graph_.graph().nodes().empty()) return;
+  const Node last = largestPart(graph_.graph()).nodes().back();
+  const ros::Time time = toTime(last.stamp);
+  if (time > last_transform_) send(last.pose, parameters_.base_frame, time);
+}
+
+void PoseGraphNodelet::send(const Pose& pose, const std::string& frame, const ros::Time& stamp) {
   geometry_msgs::TransformStamped message =
-      tf2::eigenToTransform(Eigen::Isometry3d(Eigen::Translation3d(origin.translation) * origin.rotation));
-  message.header.stamp = last_transform_ = time;
+      tf2::eigenToTransform(Eigen::Isometry3d(Eigen::Translation3d(pose.translation) * pose.rotation));
+  message.header.stamp = last_transform_ = stamp;
   message.header.frame_id = parameters_.map_frame;
-  message.child_frame_id = parameters_.odom_frame;
+  message.child_frame_id = frame;
   broadcaster_.sendTransform(message);
+}
+
+// What came before it was called is in it: a whole tick passes first.
+std::string PoseGraphNodelet::save(const std::string& path) const {
+  const unsigned before = ticks_;
+  for (int i = 0; i < kMostTicks && ticks_ - before < 2; ++i)
+    std::this_thread::sleep_for(std::chrono::duration<double>(0.5 * kTick));
+  const auto keeper = std::atomic_load(&keeper_);
+  keeper->writer().flush();
+  mergeSessions({keeper->path()}, path);
+  return "Wrote the session to " + path;
 }
 
 void PoseGraphNodelet::offerServices() {
@@ -552,12 +595,12 @@ void PoseGraphNodelet::offerServices() {
                           count > 0 ? "deleted " + std::to_string(count) : "there is no edge of these stamps";
                       changed_ = true;
                     });
-  serveFile<mapping_msgs::SaveMap>("save", [this](const std::string& path) {
-    keeper_->update(graph_);
-    keeper_->writer().flush();
-    mergeSessions({keeper_->path()}, path);
-    return "Wrote the session to " + path;
+  ros::NodeHandle saving(node);
+  saving.setCallbackQueue(&saving_);
+  serve<mapping_msgs::SaveMap>(saving, "save", [this](auto& request, auto& response) {
+    mapping_common::answer(request.path, response, [&] { return save(request.path); });
   });
+  saver_.start();
   serveFile<mapping_msgs::LoadMap>("load", [this](const std::string& path) {
     if (!std::filesystem::exists(path)) throw std::runtime_error("there is no " + path);
     keeper_->update(graph_);

@@ -43,6 +43,7 @@ CorrectedMaps::~CorrectedMaps() = default;
 void CorrectedMaps::restart() {
   ++generation_;
   poses_.clear();
+  inside_ = 0;
   waiting_.reset();
 }
 
@@ -77,14 +78,17 @@ void CorrectedMaps::begin(const OnlineGraph& graph, const std::shared_ptr<GraphK
   double farthest = 0.0;
   for (std::size_t i = 0; i < nodes.size(); ++i)
     farthest = std::max(farthest, (nodes[i].pose.translation - poses_[i].translation).norm());
-  if (farthest <= parameters_.rebuild_distance) return;
-  begun_ = ros::WallTime::now();
+  const bool of_clouds = parameters_.key_poses == KeyPoses::kClouds;
   auto copy = std::make_shared<Graph>(graph.graph().planar());
+  if (of_clouds) *copy = largestPart(graph.graph());
+  if (farthest <= parameters_.rebuild_distance && copy->nodes().size() == inside_) return;
+  begun_ = ros::WallTime::now();
   auto made = std::make_shared<Made>();
   for (const Node& node : nodes) {
-    copy->addNode(node);
+    if (!of_clouds) copy->addNode(node);
     made->poses.push_back(node.pose);
   }
+  if (of_clouds) inside_ = copy->nodes().size();
   if (!graph.frontEnd().empty()) made->begun = graph.frontEnd().last();
   const auto grid = parametersOf<intensity_hector_slam::SlamParameters>(node_, parameters_.slam).slam;
   const auto cells = parametersOf<rtree_occupancy_map::MappingParameters>(node_, parameters_.mapping).map;

@@ -9,7 +9,7 @@ namespace hokuyo_sick_drivers {
 
 /// What the reader of scan files is started with.
 struct ZfReaderParameters {
-  std::string file, scan = "1";
+  std::string file, scan = "1", wait_for;
   std::string frame_id = "scanner", parent_frame = "map";
   bool publish_tf = true, loop = false, latch = true;
   double rate = 1.0;
@@ -19,13 +19,20 @@ struct ZfReaderParameters {
 
   void describe(mapping_common::OptionList& o) {
     o("file", file, "",
-      "path of an E57, PTX, PTS or ASC file. The scanner's own .zfs and .zfc have to be exported to one of "
-      "these first");
+      "path of an E57, PTX, PTS or ASC file, or of a folder: all of these in it, in the order of their "
+      "names. "
+      "The scanner's own .zfs and .zfc have to be exported to one of these first");
     o("scan", scan, "",
-      "which scan of the file: a number from 1, a name, or all, one after the other, from when somebody "
+      "which scan of each file: a number from 1, a name, or all, one after the other, from when somebody "
       "subscribes");
+    o("wait_for", wait_for, "",
+      "services that have to be there before the first scan is published, any number with spaces or commas "
+      "between "
+      "them: of who mustn't miss one");
     o("frame_id", frame_id, "",
-      "frame of the cloud; with scan: all each scan has its own, with _1, _2 ... appended")
+      "frame of the cloud; where there are several scans and publish_tf is true, each has its own, with _1, "
+      "_2 "
+      "... appended")
         .notEmpty();
     o("parent_frame", parent_frame, "", "registered frame that the scans' poses are in");
     o("publish_tf", publish_tf, "", "whether to publish the pose of frame_id in parent_frame (static)");

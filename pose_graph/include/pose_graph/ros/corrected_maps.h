@@ -58,6 +58,7 @@ class CorrectedMaps {
   const PoseGraphParameters& parameters_;
   ros::Publisher grid_, cells_;
   std::vector<Pose> poses_;  // by node: those that the maps there are were made along
+  std::size_t inside_ = 0;   // key poses that they are made of
   ros::WallTime begun_;
   std::size_t generation_ = 0;
   std::unique_ptr<Made> made_;

@@ -21,7 +21,16 @@ constexpr auto choicesOf(FrontEndPose) {
        {"tf", FrontEndPose::kTf, "tf map_frame -> base_frame"}});
 }
 
+enum class KeyPoses { kEdges, kClouds };
+constexpr auto choicesOf(KeyPoses) {
+  return mapping_common::choices<KeyPoses>(
+      {{"edges", KeyPoses::kEdges, "consecutive edges of the front end"},
+       {"clouds", KeyPoses::kClouds,
+        "each cloud, of whose place nothing is known but by edges: stop, scan, go"}});
+}
+
 struct PoseGraphParameters {
+  KeyPoses key_poses = KeyPoses::kEdges;
   std::string edge_topics = "edges, loop_closures, places";
   FrontEndPose front_end_pose = FrontEndPose::kTopic;
   std::string map_frame = "map", odom_frame = "odom", base_frame = "base_link";
@@ -45,6 +54,7 @@ struct PoseGraphParameters {
       "mapping_msgs/EdgeConstraint, any number with spaces or commas between them, or a list. The first that "
       "brings consecutive edges makes the key poses")
         .notEmpty();
+    o("key_poses", key_poses, "", "what makes them");
     o("queue_size", queue_size, "", "edges of each topic that wait for the nodelet").within(1, 100000);
     o("front_end_pose", front_end_pose, "",
       "where the pose between key poses comes from, at full rate: edges of other stamps, such as a camera's, "
@@ -84,8 +94,12 @@ struct PoseGraphParameters {
         .dynamic();
     o("publish_tf", publish_tf, "",
       "true: tf map_frame -> odom_frame (REP 105). Nobody else may publish it then: set "
-      "pub_map_odom_transform of SLAM false");
+      "pub_map_odom_transform of SLAM false. Where clouds make the key poses, map_frame -> base_frame at "
+      "each of "
+      "known place");
     o("odom_frame", odom_frame, "", "publish_tf: the frame of odometry").notEmpty();
+    o.require(key_poses != KeyPoses::kClouds || keep_clouds, "keep_clouds",
+              "true where clouds make the key poses");
   }
 };
 
