@@ -16,44 +16,32 @@ constexpr float kLastReach = 0.6f;                     // m
 constexpr float kResidual = 0.15f;                     // m, from which on a patch counts less
 constexpr float kMatched = 0.5f, kSame = 0.35f;        // m
 
-// Changes the order of the values.
-float median(std::vector<float>& values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
-// Median of the absolute deviations from the median.
-float deviation(std::vector<float>& values) {
-  const float middle = median(values);
-  for (float& v : values) v = std::abs(v - middle);
-  return median(values);
-}
-
 double fisher(double correlation) {
   return std::atanh(std::clamp(correlation, -0.999, 0.999));
 }
 
-// Of Fisher's transform; the robust correlation's is 2.7 times as large as the plain one's.
+// Of Fisher's transform.
 double variance(const Correlation& correlation) {
-  return 2.7 / std::max(1, correlation.pieces - 3);
+  return 1.0 / std::max(1, correlation.pieces - 3);
 }
 
 }  // namespace
 
-double robustCorrelation(const std::vector<std::pair<float, float>>& pairs) {
+double correlationOf(const std::vector<std::pair<float, float>>& pairs) {
   if (pairs.size() < 3) return 0.0;
-  std::vector<float> first(pairs.size()), second(pairs.size());
-  const auto fill = [&](auto&& a, auto&& b) {
-    for (std::size_t i = 0; i < pairs.size(); ++i) first[i] = a(pairs[i]), second[i] = b(pairs[i]);
-  };
-  fill([](const auto& p) { return p.first; }, [](const auto& p) { return p.second; });
-  const float x = deviation(first), y = deviation(second);
-  if (!(x > 1e-6f && y > 1e-6f)) return 0.0;
-  fill([&](const auto& p) { return p.first / x + p.second / y; },
-       [&](const auto& p) { return p.first / x - p.second / y; });
-  const double sum = std::pow(deviation(first), 2), difference = std::pow(deviation(second), 2);
-  return sum + difference > 1e-9 ? (sum - difference) / (sum + difference) : 0.0;
+  double first = 0.0, second = 0.0, squares = 0.0, other_squares = 0.0, products = 0.0;
+  for (const auto& [a, b] : pairs) {
+    first += a;
+    second += b;
+    squares += a * a;
+    other_squares += b * b;
+    products += a * b;
+  }
+  const auto count = static_cast<double>(pairs.size());
+  const double spread = squares - first * first / count,
+               other_spread = other_squares - second * second / count;
+  if (!(spread > 1e-9 * count && other_spread > 1e-9 * count)) return 0.0;
+  return (products - first * second / count) / std::sqrt(spread * other_spread);
 }
 
 double evidence(const Correlation& correlation, double above) {
@@ -123,7 +111,7 @@ Alignment Aligner::operator()(const Shape& place, const Eigen::Isometry3d& guess
     pieces.add(patches[p].point);
   }
   result.fit = upright > 0 ? static_cast<double>(matched) / static_cast<double>(upright) : 0.0;
-  result.intensity = {robustCorrelation(intensities), pieces.count()};
+  result.intensity = {correlationOf(intensities), pieces.count()};
   return result;
 }
 

@@ -16,8 +16,10 @@ namespace intensity_place_recognition {
 namespace {
 
 const mapping_common::ArchiveFormat kFormat{"PLACEDB2", "a database of places"};
-constexpr std::size_t kLeastPlace = 32;             // bytes of a place in a file, at least
-constexpr int kYaws = 120;                          // of a query's plans
+constexpr std::size_t kLeastPlace = 32;  // bytes of a place in a file, at least
+constexpr int kYaws = 120;               // of a query's plans
+constexpr double kParallax = 0.14;       // rad, that descriptions may err as the sensor is some metres beside
+constexpr std::size_t kPeaks = 3;        // shifts at each turn
 constexpr double kSamePose = 2.5, kSameYaw = 0.17;  // m, rad
 constexpr double kLikeShape = 0.8;                  // of the best one's fit
 constexpr double kLessEvidence = 0.8;               // that two places are one, where the query says so, too
@@ -55,7 +57,9 @@ void PlaceRecognizerOptions::describe(mapping_common::OptionList& o) {
   o("neighbours", neighbours, "", "places from the index that are compared at all turns").within(1, 100000);
   o("turns", turns, "", "the most similar turns of each, at which plans of shape and light are compared")
       .within(1, 24);
-  o("candidates", candidates, "", "of them, the best by the plans, that are aligned roughly").within(1, 1000);
+  o("plans", plans, "", "of them, the best by plans to 2 m, that are compared to 1 m").within(1, 10000);
+  o("candidates", candidates, "", "of them, the best by these plans, that are aligned roughly")
+      .within(1, 1000);
   o("registrations", registrations, "",
     "of them, the best by shape and intensities, that are registered until as many as matches are accepted")
       .within(1, 1000);
@@ -76,6 +80,8 @@ const char* stageName(Stage stage) {
                                                               "Verification"};
   return kNames[static_cast<std::size_t>(stage)];
 }
+
+PlaceRecognizer::Plans::Plans(const Shape& shape) : walls(shape), plan(shape, 0.0) {}
 
 PlaceRecognizer::PlaceRecognizer(const PlaceRecognizerOptions& options)
     : options_(mapping_common::validate(options)), description_(makeDescription(options.description)) {}
@@ -103,37 +109,53 @@ Recognition PlaceRecognizer::process(const Cloud& cloud, const std::function<voi
 
 void PlaceRecognizer::add(Place place) {
   description_->add(place.signature);
-  plans_.emplace_back(place.shape, 0.0);
+  plans_.emplace_back(place.shape);
   shapes_.push_back(std::move(place.shape));
 }
 
 std::vector<PlaceRecognizer::Hypothesis> PlaceRecognizer::hypotheses(const Place& place, int before) const {
-  std::vector<Hypothesis> all;
+  const auto reach = static_cast<float>(options_.registration.max_distance);
+  const auto keepBest = [](std::vector<Hypothesis>& all, int count) {
+    const auto kept = all.begin() + std::min<std::ptrdiff_t>(static_cast<std::ptrdiff_t>(all.size()), count);
+    std::partial_sort(all.begin(), kept, all.end(), [](const Hypothesis& a, const Hypothesis& b) {
+      return std::make_pair(-a.correlation, a.place) < std::make_pair(-b.correlation, b.place);
+    });
+    all.erase(kept, all.end());
+  };
+  const WallDirections walls(place.shape);
   std::vector<GroundPlan> turned(kYaws);
+  const auto planAt = [&](int turn) -> const GroundPlan& {
+    if (turned[turn].empty()) {
+      const GroundPlan& opposite = turned[(turn + kYaws / 2) % kYaws];
+      turned[turn] =
+          opposite.empty() ? GroundPlan(place.shape, 2.0 * M_PI / kYaws * turn) : opposite.halfTurned();
+    }
+    return turned[turn];
+  };
+  std::vector<Hypothesis> rough, fine;
   for (const Candidate& candidate :
        description_->candidates(*place.signature, before, options_.neighbours, options_.turns)) {
+    const Plans& there = plans_[candidate.place];
     for (const double likely : candidate.yaws) {
-      const long step = std::lround(likely / (2.0 * M_PI) * kYaws);
-      const double yaw = 2.0 * M_PI / kYaws * static_cast<double>(step);
-      GroundPlan& plan = turned[(step + kYaws) % kYaws];
-      if (plan.empty()) plan = GroundPlan(place.shape, yaw);
-      const GroundPlan::Shift shift =
-          plan.bestShift(plans_[candidate.place], static_cast<float>(options_.registration.max_distance));
+      const double yaw = walls.bestYaw(there.walls, likely, kParallax);
       Hypothesis h;
       h.place = candidate.place;
       h.similarity = candidate.similarity;
-      h.correlation = shift.correlation;
-      h.alignment.pose = flatPose(shift.x, shift.y, yaw);
-      all.push_back(h);
+      h.turn = (static_cast<int>(std::lround(yaw / (2.0 * M_PI) * kYaws)) + 2 * kYaws) % kYaws;
+      h.correlation = planAt(h.turn).roughShift(there.plan, reach).correlation;
+      rough.push_back(h);
     }
   }
-  const auto kept =
-      all.begin() + std::min<std::ptrdiff_t>(static_cast<std::ptrdiff_t>(all.size()), options_.candidates);
-  std::partial_sort(all.begin(), kept, all.end(), [](const Hypothesis& a, const Hypothesis& b) {
-    return std::make_pair(-a.correlation, a.place) < std::make_pair(-b.correlation, b.place);
-  });
-  all.erase(kept, all.end());
-  return all;
+  keepBest(rough, options_.plans);
+  for (Hypothesis& h : rough) {
+    for (const GroundPlan::Shift& shift : planAt(h.turn).bestShifts(plans_[h.place].plan, reach, kPeaks)) {
+      h.correlation = shift.correlation;
+      h.alignment.pose = flatPose(shift.x, shift.y, 2.0 * M_PI / kYaws * h.turn);
+      fine.push_back(h);
+    }
+  }
+  keepBest(fine, options_.candidates);
+  return fine;
 }
 
 double PlaceRecognizer::margin(const Hypothesis& best, const Registration& found,
@@ -187,14 +209,15 @@ Recognition PlaceRecognizer::recognize(const Place& place, int query,
     return r;
   };
   const Hypothesis* best = nullptr;
-  for (std::size_t i = 0; i < all.size() && i < static_cast<std::size_t>(options_.registrations); ++i) {
-    const Hypothesis& h = all[i];
+  int left = options_.registrations;
+  for (const Hypothesis& h : all) {
     if (registered.count(h.place) > 0) continue;
+    if (left-- == 0) break;
     const Registration registration = registrar(shapes_[h.place], h.alignment.pose);
     if (!registered.empty()) {
       Recognition other = found(h, registration);
       if (other.registration.accepted) result.others.push_back(std::move(other));
-    } else if (!best || registration.accepted || registration.score > result.registration.score) {
+    } else if (!best || registration.accepted || registration.evidence > result.registration.evidence) {
       best = &h;
       result = found(h, registration);
     }
@@ -237,7 +260,7 @@ void PlaceRecognizer::load(const std::string& path) {
     for (Shape& shape : loaded->shapes_) {
       shape.transfer(in);
       if (!shape.isSound()) throw std::runtime_error("a place in it is inconsistent");
-      loaded->plans_.emplace_back(shape, 0.0);
+      loaded->plans_.emplace_back(shape);
     }
     loaded->description_->read(in);
     if (loaded->description_->places() != loaded->places())

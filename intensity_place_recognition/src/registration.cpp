@@ -96,7 +96,7 @@ void judge(const Shape& query, const PatchGrid& query_grid, const Shape& match, 
   result.agreement =
       matched > 0 ? static_cast<double>(matched) / static_cast<double>(matched + missing) : 0.0;
   result.common = all > 0 ? static_cast<double>(matched + missing) / static_cast<double>(all) : 0.0;
-  result.intensity = {robustCorrelation(intensities), pieces.count()};
+  result.intensity = {correlationOf(intensities), pieces.count()};
 }
 
 }  // namespace

@@ -24,18 +24,18 @@ std::vector<std::pair<float, float>> correlated(double correlation, std::size_t 
   for (std::size_t i = 0; i < count; ++i) {
     const double x = normal(random), noise = normal(random);
     double y = correlation * x + std::sqrt(1.0 - correlation * correlation) * noise;
-    if (static_cast<double>(i) < changed * static_cast<double>(count)) y = 20.0 * normal(random);
+    if (static_cast<double>(i) < changed * static_cast<double>(count)) y = normal(random);
     pairs.emplace_back(static_cast<float>(x), static_cast<float>(3.0 + 7.0 * y));
   }
   return pairs;
 }
 
-TEST(RobustCorrelation, IsThatOfMostPairsWhateverTheOthersAre) {
+TEST(Correlation, FallsWithThePartThatChanged) {
   for (const double correlation : {-0.6, 0.0, 0.5, 0.9})
-    EXPECT_NEAR(correlation, robustCorrelation(correlated(correlation, 20000, 0.0)), 0.03);
-  EXPECT_GT(robustCorrelation(correlated(0.9, 20000, 0.1)), 0.75);
-  EXPECT_EQ(0.0, robustCorrelation({}));
-  EXPECT_EQ(0.0, robustCorrelation({{1.0f, 1.0f}, {1.0f, 2.0f}, {1.0f, 3.0f}, {1.0f, 4.0f}}));
+    EXPECT_NEAR(correlation, correlationOf(correlated(correlation, 20000, 0.0)), 0.03);
+  EXPECT_NEAR(0.81, correlationOf(correlated(0.9, 20000, 0.1)), 0.03);
+  EXPECT_EQ(0.0, correlationOf({}));
+  EXPECT_EQ(0.0, correlationOf({{1.0f, 1.0f}, {1.0f, 2.0f}, {1.0f, 3.0f}, {1.0f, 4.0f}}));
 }
 
 // Of many draws of uncorrelated pairs, the evidence for a correlation is about standard normal.
@@ -49,7 +49,7 @@ TEST(Evidence, IsInStandardDeviations) {
     for (Correlation& c : drawn) {
       std::vector<std::pair<float, float>> pairs;
       for (int k = 0; k < pieces; ++k) pairs.emplace_back(normal(random), normal(random));
-      c = {robustCorrelation(pairs), pieces};
+      c = {correlationOf(pairs), pieces};
     }
     squares += std::pow(evidence(drawn[0], 0.0), 2);
     differences += std::pow(evidence(drawn[0], drawn[1]), 2);
@@ -99,11 +99,16 @@ TEST(GroundPlan, FindsTheShiftThatAlignmentMakesAPose) {
     const Shape place = shapeOf(seed, at), query = shapeOf(seed, again);
     const Eigen::Isometry3d expected = at.inverse() * again;
     const double yaw = 0.7 * seed + 0.02;
-    const GroundPlan::Shift shift = GroundPlan(query, yaw).bestShift(GroundPlan(place, 0.0), 6.0f);
-    EXPECT_NEAR(expected.translation().x(), shift.x, 2.0) << seed;
-    EXPECT_NEAR(expected.translation().y(), shift.y, 2.0) << seed;
-    EXPECT_GT(shift.correlation,
-              GroundPlan(query, yaw).bestShift(GroundPlan(shapeOf(seed + 10, at), 0.0), 6.0f).correlation);
+    const GroundPlan plan(query, yaw), there(place, 0.0);
+    const GroundPlan::Shift rough = plan.roughShift(there, 6.0f),
+                            shift = plan.bestShifts(there, 6.0f, 3).at(0);
+    EXPECT_NEAR(expected.translation().x(), rough.x, 2.0) << seed;
+    EXPECT_NEAR(expected.translation().y(), rough.y, 2.0) << seed;
+    EXPECT_NEAR(expected.translation().x(), shift.x, 0.7) << seed;
+    EXPECT_NEAR(expected.translation().y(), shift.y, 0.7) << seed;
+    const GroundPlan elsewhere(shapeOf(seed + 10, at), 0.0);
+    EXPECT_GT(rough.correlation, plan.roughShift(elsewhere, 6.0f).correlation);
+    EXPECT_GT(shift.correlation, plan.bestShifts(elsewhere, 6.0f, 1).at(0).correlation);
 
     Eigen::Isometry3d guess(Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ()));
     guess.translation() << shift.x, shift.y, 0.0;
@@ -119,12 +124,38 @@ TEST(GroundPlan, FindsTheShiftThatAlignmentMakesAPose) {
 TEST(GroundPlan, IsBestWhereItIs) {
   const Shape shape = shapeOf(2, Street::at(0.0, 0.0, 0.0));
   const GroundPlan plan(shape, 0.0);
-  const GroundPlan::Shift shift = plan.bestShift(plan, 6.0f);
-  EXPECT_EQ(0.0f, shift.x);
-  EXPECT_EQ(0.0f, shift.y);
-  EXPECT_GT(shift.correlation, 0.8f);
-  EXPECT_LT(shift.correlation, 1.001f);
+  for (const GroundPlan::Shift& shift : {plan.roughShift(plan, 6.0f), plan.bestShifts(plan, 6.0f, 1).at(0)}) {
+    EXPECT_NEAR(0.0, shift.x, 0.1);
+    EXPECT_NEAR(0.0, shift.y, 0.1);
+    EXPECT_LT(shift.correlation, 1.001f);
+  }
+  EXPECT_GT(plan.bestShifts(plan, 6.0f, 1).at(0).correlation, 0.9f);
   EXPECT_TRUE(GroundPlan().empty());
+}
+
+TEST(GroundPlan, IsTheSameTurnedByHalfATurn) {
+  const GroundPlan place(shapeOf(2, Street::at(0.0, 0.0, 0.0)), 0.0);
+  const Shape query = shapeOf(2, Street::at(1.0, 0.5, 0.7 + M_PI));
+  const auto expected = GroundPlan(query, 0.7 + M_PI).bestShifts(place, 6.0f, 5),
+             found = GroundPlan(query, 0.7).halfTurned().bestShifts(place, 6.0f, 5);
+  ASSERT_EQ(expected.size(), found.size());
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    EXPECT_NEAR(expected[i].correlation, found[i].correlation, 1e-4);
+    EXPECT_NEAR(expected[i].x, found[i].x, 1e-2);
+    EXPECT_NEAR(expected[i].y, found[i].y, 1e-2);
+  }
+}
+
+// Near walls move in the image where the sensor does; how they are turned stays.
+TEST(WallDirections, TellTheYawWhereverTheSensorIs) {
+  for (unsigned seed = 1; seed <= 6; ++seed) {
+    const double yaw = 0.9 * seed;
+    const WallDirections place(shapeOf(seed, Street::at(0.0, 0.0, 0.3))),
+        query(shapeOf(seed, Street::at(3.0, -2.0, 0.3 + yaw)));
+    for (const double error : {-0.12, -0.03, 0.08})
+      EXPECT_NEAR(0.0, std::remainder(query.bestYaw(place, yaw + error, 0.14) - yaw, 2.0 * M_PI), 0.02)
+          << seed;
+  }
 }
 
 }  // namespace

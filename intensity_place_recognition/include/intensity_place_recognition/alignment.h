@@ -10,11 +10,11 @@
 
 namespace intensity_place_recognition {
 
-/// Of pairs of values, -1 to 1, by medians (Gnanadesikan and Kettenring 1972): what changed, up to half of
-/// all, and what is seen badly count little. 0 where either hardly varies.
-double robustCorrelation(const std::vector<std::pair<float, float>>& pairs);
+/// Of pairs of patches' intensities, which are ranks, so that what changed counts no more than anything else;
+/// -1 to 1. 0 where either hardly varies.
+double correlationOf(const std::vector<std::pair<float, float>>& pairs);
 
-/// A robust correlation of intensities, and in how many pieces (cubes of 2 m), which count as independent.
+/// A correlation of intensities, and in how many pieces (cubes of 2 m), which count as independent.
 struct Correlation {
   double value = 0.0;
   int pieces = 0;

@@ -23,9 +23,9 @@ struct PlaceRecognizerOptions {
   int largest_hole = 4;
   DescriptionOptions description;
   ShapeOptions shape;
-  int neighbours = 1000, turns = 3, candidates = 30, registrations = 2;
+  int neighbours = 1000, turns = 3, plans = 200, candidates = 60, registrations = 2;
   int matches = 1;
-  double min_margin = 2.0;
+  double min_margin = 1.5;
   int beta = 0;
   RegistrationOptions registration;
 
@@ -87,6 +87,7 @@ class PlaceRecognizer {
     int place = -1;
     float similarity = 0.0f;   ///< of the descriptions
     float correlation = 0.0f;  ///< of the plans
+    int turn = 0;              ///< of the plan
     Alignment alignment;
     double quality() const { return alignment.fit * std::max(0.0, alignment.intensity.value); }
   };
@@ -96,8 +97,13 @@ class PlaceRecognizer {
 
   PlaceRecognizerOptions options_;
   std::unique_ptr<SceneDescription> description_;
-  std::vector<Shape> shapes_;      // of the places
-  std::vector<GroundPlan> plans_;  // of them
+  std::vector<Shape> shapes_;  // of the places
+  struct Plans {
+    explicit Plans(const Shape& shape);
+    WallDirections walls;
+    GroundPlan plan;
+  };
+  std::vector<Plans> plans_;  // of them
 };
 
 }  // namespace intensity_place_recognition

@@ -12,7 +12,7 @@ namespace intensity_place_recognition {
 struct RegistrationOptions {
   double max_distance = 6.0;
   int iterations = 15;
-  double min_score = 0.45, min_intensity = 0.3, min_evidence = 5.0;
+  double min_score = 0.45, min_intensity = 0.2, min_evidence = 5.0;
   int min_pieces = 120;
 
   void describe(mapping_common::OptionList& o) {
