@@ -49,7 +49,7 @@ TEST(PlaceRecognizer, FindsAPlaceInAnyDirectionWithItsPose) {
 }
 
 TEST(PlaceRecognizer, RegistersAScanToAsManyPlacesAsAsked) {
-  const auto at = [](int i) { return Street::at(2.5 * i, 0.3 * i, 0.9 * i); };
+  const auto at = [](int i) { return Street::at(2.2 * i, 0.3 * i, 0.9 * i); };
   for (const int matches : {1, 3}) {
     PlaceRecognizerOptions options;
     options.matches = matches;

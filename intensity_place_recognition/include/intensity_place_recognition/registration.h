@@ -10,7 +10,7 @@
 namespace intensity_place_recognition {
 
 struct RegistrationOptions {
-  double max_distance = 6.0;
+  double max_distance = 5.0;
   int iterations = 15;
   double min_score = 0.45, min_intensity = 0.2, min_evidence = 5.0;
   int min_pieces = 120;
