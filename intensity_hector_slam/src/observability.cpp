@@ -10,6 +10,9 @@
 namespace intensity_hector_slam {
 namespace {
 
+// Of the noise of points across a surface, what uneven normals make of it along the surface.
+constexpr double kUnevenness = 0.2;
+
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
@@ -91,11 +94,18 @@ Observability observe(const Scan& scan, const GridMap& map, const Pose& pose, do
   Observability result;
   result.share = all > 0.0 ? there / all : 0.0;
   for (int i = 0; i < 3; ++i) {
+    const Vector3d v = solver.eigenvectors().col(i);
+    const double tells = std::max(kLeastInformation, solver.eigenvalues()[i]);
+    const double pull = kUnevenness / tells;
+    const Matrix3d uncertainty = (1.0 / tells + pull * pull * all) * v * v.transpose();
     const double share =
         std::max(0.0, solver.eigenvalues()[i]) / std::max(kLeastInformation, solver.eigenvalues().z());
-    if (share >= std::max(options.min_observability, options.min_geometry)) continue;
-    const Vector3d v = solver.eigenvectors().col(i);
+    if (share >= std::max(options.min_observability, options.min_geometry)) {
+      result.uncertainty += uncertainty;
+      continue;
+    }
     const bool textured = uses_reflectivity && textureAlong(v, scan, surface) >= options.min_texture;
+    if (!textured) result.uncertainty += uncertainty;
     if (share >= options.min_observability && !textured) continue;
     result.full = false;
     result.occupancy -= v * v.transpose();

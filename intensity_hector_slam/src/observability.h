@@ -22,6 +22,9 @@ Overlap overlapOf(const GridMap& map, const Beams& beams, const Pose& pose);
 /// tell.
 struct Observability {
   Eigen::Matrix3d occupancy = Eigen::Matrix3d::Identity(), reflectivity = Eigen::Matrix3d::Identity();
+  /// Covariance of a pose by points whose noise along the normals is 1 m, with normals as uneven: large where
+  /// few normals tell.
+  Eigen::Matrix3d uncertainty = Eigen::Matrix3d::Zero();
   bool full = true;
   double share = 0.0;  ///< of the surfaces' points on those that the map has
 };

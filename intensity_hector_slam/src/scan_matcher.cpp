@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 #include "cost.h"
 #include "observability.h"
@@ -18,6 +19,28 @@ using Eigen::Vector3d;
 // Of the surfaces' points on those that the map has, with less of which at the first guess it is too far from
 // the pose to tell what is observable.
 constexpr double kSureShare = 0.5;
+
+// The same, with which the finest level is enough where the first guess is near: people who walk pull it
+// away.
+constexpr double kNearShare = 0.8;
+// Fewer points than these tell no pose.
+constexpr std::size_t kLeastPoints = 30;
+
+// The points on whose beams the map knows what is `margin` (m) before them.
+void leaveOutNew(const GridMap& map, const Scan& scan, const Pose& pose, double margin, Scan& known) {
+  known = {};
+  known.stamp = scan.stamp;
+  known.origin = scan.origin;
+  const Eigen::Isometry2d to_map = isometry(pose);
+  for (std::size_t i = 0; i < scan.points.size(); ++i) {
+    const Eigen::Vector2f beam = scan.points[i] - scan.origin;
+    const float before = std::max(0.0f, 1.0f - static_cast<float>(margin) / beam.norm());
+    const GridMap::Cell* const cell = map.find(to_map * (scan.origin + before * beam).cast<double>());
+    if (!cell || !GridMap::isKnown(*cell)) continue;
+    known.points.push_back(scan.points[i]);
+    if (!scan.reflectivities.empty()) known.reflectivities.push_back(scan.reflectivities[i]);
+  }
+}
 
 // With angles in units of length, so that eigenvalues compare.
 Matrix3d scaled(const Matrix3d& hessian, double length) {
@@ -186,11 +209,25 @@ Linearization ScanMatcher::descend(const MultiMap& map, const Cost& cost, const 
                   options_.min_step_angle, pose, iterations);
 }
 
-Match ScanMatcher::match(const MultiMap& map, const Scan& scan, const Pose& guess, bool search) {
+void ScanMatcher::thin(const MultiMap& map) {
+  thinned_.assignThinned(beams_, options_.coarse_spacing * map.level(0).resolution(), map.levels(),
+                         options_.coarse_points);
+}
+
+Match ScanMatcher::match(const MultiMap& map, const Scan& scan, const Pose& guess, bool search,
+                         bool follows) {
+  if (follows && options_.new_margin > 0.0) {
+    leaveOutNew(map.level(std::min(1, map.levels() - 1)), scan, guess, options_.new_margin, seen_before_);
+    if (seen_before_.points.size() >= kLeastPoints)
+      return matchPoints(map, seen_before_, guess, search, follows);
+  }
+  return matchPoints(map, scan, guess, search, follows);
+}
+
+Match ScanMatcher::matchPoints(const MultiMap& map, const Scan& scan, const Pose& guess, bool search,
+                               bool follows) {
   const GridMap& finest = map.level(0);
   beams_.assign(scan);
-  thinned_.assignThinned(beams_, options_.coarse_spacing * finest.resolution(), map.levels(),
-                         options_.coarse_points);
   const GridMap& coarsest = map.level(map.levels() - 1);
   Match match;
   const Cost& cost = cost_->choose(coarsest, scan, beams_, guess);
@@ -198,18 +235,32 @@ Match ScanMatcher::match(const MultiMap& map, const Scan& scan, const Pose& gues
   match.searched = search;
   const Pose start = search ? cost.search(coarsest, beams_, guess) : guess;
   Pose pose = start;
-  Observability observability = observe(coarsest, scan, start, cost);
+  Observability observability = observe(follows ? finest : coarsest, scan, start, cost);
   if (!observability.full && observability.share < kSureShare) {
+    thin(map);
     descend(map, cost, thinned_, options_.coarse_points, {}, pose, match.iterations);
-    observability = observe(coarsest, scan, pose, cost);
+    observability = observe(follows ? finest : coarsest, scan, pose, cost);
     const Vector3d unit(1.0, 1.0, 1.0 / beams_.mean_range);
     pose = start + unit.asDiagonal() * (observability.occupancy * (pose - start).cwiseQuotient(unit));
   }
   // Where reflectivity alone tells, each beam counts.
   const bool all = observability.reflectivity != observability.occupancy;
+  std::optional<Linearization> near;
+  if (follows && !search && observability.full && observability.share >= kNearShare) {
+    Pose there = pose;
+    near = optimize(finest, cost, beams_, beams_.count, observability, options_.min_step_distance,
+                    options_.min_step_angle, there, match.iterations);
+    if ((there - start).head<2>().norm() < options_.near_distance) {
+      pose = there;
+    } else {
+      near.reset();
+    }
+  }
+  if (!near && !all) thin(map);
   const Linearization at =
-      descend(map, cost, all ? beams_ : thinned_, all ? beams_.count : options_.coarse_points, observability,
-              pose, match.iterations);
+      near ? *near
+           : descend(map, cost, all ? beams_ : thinned_, all ? beams_.count : options_.coarse_points,
+                     observability, pose, match.iterations);
   const double gain = at.gain();
   const Solver solver(at, gain, beams_.mean_range, observability);
   match.hessian = at.occupancy.hessian + gain * at.reflectivity.hessian;
@@ -228,6 +279,10 @@ Match ScanMatcher::match(const MultiMap& map, const Scan& scan, const Pose& gues
   const double floor = options_.covariance_floor * finest.resolution();
   match.covariance = solver.covariance(options_.covariance_scale * sigma_squared, curvature, floor * floor,
                                        {d * d, d * d, a * a});
+  const Vector3d unit(1.0, 1.0, 1.0 / beams_.mean_range);
+  match.uncertainty =
+      match.covariance + options_.surface_noise * options_.surface_noise *
+                             (unit.asDiagonal() * observability.uncertainty * unit.asDiagonal());
   const Overlap overlap = overlapOf(coarsest, beams_, match.pose);
   match.contradiction = overlap.free;
   match.overlap = overlap.occupied;

@@ -10,10 +10,18 @@ namespace intensity_hector_slam {
 namespace {
 
 constexpr double kPlaceSearchPeriod = 0.5;  // s
-constexpr double kOdometryShare = 2.0;   // of the way, by which it is off at most: some counts a way back as
-                                         // one forward
-constexpr double kTurnShare = 0.2;       // the same of the turn, and m for each rad
+constexpr double kOdometryShare = 2.0;  // of the way, by which it is off at most: some counts a way back as
+                                        // one forward
+constexpr double kTurnShare = 0.2;      // the same of the turn, and m for each rad
+constexpr double kUnknownSpeed = 1.0, kUnknownTurnRate = 2.0;  // m/s, rad/s: standard deviations at the start
 constexpr double kOdometryTrust = 10.0;  // times SlamOptions::max_gap, that it leads while nothing fits
+
+// Of velocities (x, y, angle), from the body's frame to the map's.
+Eigen::Matrix3d turnTo(const Pose& pose) {
+  Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
+  turn.topLeftCorner<2, 2>() = Eigen::Rotation2Dd(pose.z()).toRotationMatrix();
+  return turn;
+}
 
 }  // namespace
 
@@ -228,6 +236,8 @@ void Slam::predict(const Scan& scan, const std::optional<Pose>& odometry, SlamRe
     velocity_known_ = false;
   }
 
+  steady_ = options_.guess != Guess::kLastPose &&
+            !(options_.guess == Guess::kOdometry && odometry && last_odometry_);
   const Pose steady = follows && elapsed > 0.0 ? Pose(velocity_ * elapsed) : Pose::Zero();
   Pose motion = Pose::Zero();
   other_guesses_.clear();
@@ -291,8 +301,8 @@ bool Slam::isUnsure(double stamp, bool odometry, const SlamResult& result) const
 void Slam::follow(const Scan& scan, bool unsure, SlamResult& result) {
   const double middle = deskew(scan);
   result.guess = compose(result.guess, velocity_ * middle);
-  place(deskewed_, unsure, result);
   const Eigen::Vector3d assumed = velocity_;
+  place(deskewed_, scan.stamp + middle, unsure, result);
   updateVelocity(scan.stamp + middle, result);
   addUncertainty((velocity_ - assumed) * middle, result);
   for (Pose* pose : {&result.pose, &result.guess}) *pose = compose(*pose, -velocity_ * middle);
@@ -334,7 +344,7 @@ Scan Slam::moved(const Scan& scan, double time) const {
   return options_.deskew ? seenAt(time, scan, velocity_) : scan;
 }
 
-void Slam::place(const Scan& scan, bool unsure, SlamResult& result) {
+void Slam::place(const Scan& scan, double middle, bool unsure, SlamResult& result) {
   result.pose = result.guess;
   if (map_.updates() == 0) {
     result.status = options_.localization ? Status::kRejected : Status::kStarted;
@@ -359,6 +369,7 @@ void Slam::place(const Scan& scan, bool unsure, SlamResult& result) {
     result.status = result.match.observable == 3 ? Status::kMatched : Status::kUnobservable;
     result.pose = result.match.pose;
     result.covariance = result.match.covariance;
+    filter(middle, result);
   }
   updateMap(scan, result);
 }
@@ -366,7 +377,8 @@ void Slam::place(const Scan& scan, bool unsure, SlamResult& result) {
 Match Slam::match(const Scan& scan, const Pose& guess, bool unsure) {
   const Search search = options_.matcher.search;
   const bool at_once = search == Search::kAlways || (search == Search::kWhenUnsure && unsure);
-  const Match match = matcher_.match(map_, scan, guess, at_once);
+  const bool follows = steady_ && filtered_ && velocity_known_;
+  const Match match = matcher_.match(map_, scan, guess, at_once, follows);
   if (at_once || search == Search::kNever) return match;
   const bool accepted = accepts(match, guess);
   const bool contradicts = match.contradiction > options_.matcher.search_contradiction;
@@ -439,11 +451,40 @@ Eigen::Matrix3d Slam::unknownCovariance() const {
   return Eigen::Vector3d(d * d, d * d, a * a).asDiagonal();
 }
 
+// Without odometry, what a scan tells of the pose is weighed against how the body moved so far.
+void Slam::filter(double middle, SlamResult& result) {
+  const double elapsed = last_match_ ? middle - *last_match_ : 0.0;
+  const bool follows = steady_ && elapsed > 0.0 && elapsed <= options_.max_gap;
+  if (follows && !(filtered_ && velocity_known_)) {
+    for (MotionFilter& filter : filters_) filter.start(velocity_, kUnknownSpeed, kUnknownTurnRate);
+  }
+  filtered_ = follows;
+  if (!follows) return;
+  const MotionFilter::Noise noise{options_.acceleration_noise, options_.angular_acceleration_noise,
+                                  options_.max_acceleration, options_.max_angular_acceleration};
+  if (result.match.observable == 3) last_observed_ = middle;
+  double best = -std::numeric_limits<double>::infinity();
+  for (MotionFilter& filter : filters_) {
+    const Pose pose =
+        filter.update(noise, matched_pose_, result.match.pose, result.match.uncertainty, elapsed);
+    // A velocity that can't be observed goes on over a blind stretch, but would never end.
+    if (middle - last_observed_ > options_.max_gap) {
+      const Eigen::Matrix3d to_map = turnTo(pose);
+      filter.stop(to_map.transpose() * result.match.unobservable_part * to_map);
+    }
+    if (filter.score() <= best) continue;
+    best = filter.score();
+    result.pose = pose;
+    velocity_ = filter.velocity();
+  }
+  velocity_known_ = true;
+}
+
 void Slam::updateVelocity(double middle, const SlamResult& result) {
   if (result.status == Status::kRejected) return;
   const double elapsed = last_match_ ? middle - *last_match_ : 0.0;
   if (result.status != Status::kUnobservable || !(middle >= last_observed_)) last_observed_ = middle;
-  if (elapsed > 0.0 && elapsed <= options_.max_gap) {
+  if (!filtered_ && elapsed > 0.0 && elapsed <= options_.max_gap) {
     // A velocity that can't be observed goes on over a blind stretch, but would never end.
     Pose motion(result.pose - matched_pose_);
     motion.z() = wrapAngle(motion.z());

@@ -123,8 +123,9 @@ struct MatcherOptions {
   double search_distance = 0.3, search_angle = 0.35;
   double search_prior = 0.05;
   int search_points = 200;
+  double near_distance = 0.05, new_margin = 0.3;
 
-  double surface_length = 0.6;
+  double surface_length = 0.6, surface_noise = 0.02;
   double min_observability = 0.002, min_texture = 10.0, min_geometry = 0.02;
   double sigma = 0.0;
   double covariance_scale = 2.0, covariance_floor = 0.03;
@@ -196,12 +197,30 @@ struct MatcherOptions {
         .within(0.0, 10.0);
     o("search_points", search_points, "", "of the scan, evenly spread: more take more time").within(1, 1e6);
 
+    o("near_distance", near_distance, "m",
+      "without odometry, a scan soon after another that fits to the map at the first guess is matched on the "
+      "finest "
+      "level alone, if that moves the guess by less: on coarser ones a wall's other side is the wall. 0: "
+      "coarse to "
+      "fine, always")
+        .atLeast(0.0);
+    o("new_margin", new_margin, "m",
+      "the same scans: points so far behind what the map knows on their beams have just come into view, "
+      "aren't in the "
+      "map, and aren't matched. 0: all are")
+        .atLeast(0.0);
+
     o.section("what isn't known");
     o("surface_length", surface_length, "m",
       "of lines through neighbouring points, by which a scan is judged: the matcher's H holds the noise of "
       "the grid, "
       "too")
         .within(0.001, 100.0);
+    o("surface_noise", surface_noise, "m",
+      "standard deviation of points from even surfaces, by which a pose without odometry is the surer of a "
+      "direction "
+      "the more of them face it")
+        .within(0.0, 10.0);
     o("min_observability", min_observability, "",
       "where their normals tell less in some direction than this share of what they tell in the best (angles "
       "times the "
@@ -332,6 +351,7 @@ struct SlamOptions {
   double max_correction_distance = 0.5, max_correction_angle = 0.7;
   double max_speed = 5.0, max_turn_rate = 10.0;
   double max_acceleration = 5.0, max_angular_acceleration = 15.0;
+  double acceleration_noise = 0.5, angular_acceleration_noise = 2.0;
   double max_gap = 1.0;
   bool relocalize = true;
   SearchOptions place;
@@ -371,6 +391,13 @@ struct SlamOptions {
       "by which the velocity of the first guess changes at most: a pose that jumps doesn't lead away")
         .atLeast(0.001);
     o("max_angular_acceleration", max_angular_acceleration, "rad/s^2", "the same").atLeast(0.001);
+    o("acceleration_noise", acceleration_noise, "m/s",
+      "without odometry: by which the velocity changes in a second, at random, on wheels or carried. Less "
+      "believes more "
+      "in a steady motion where a scan tells little")
+        .within(0.001, 1000.0);
+    o("angular_acceleration_noise", angular_acceleration_noise, "rad/s", "the same of the rate of turn")
+        .within(0.001, 1000.0);
     o("max_gap", max_gap, "s", "between scans; longer is a pause, over which no velocity holds").atLeast(0.0);
     o.section("places");
     o("relocalize", relocalize, "",

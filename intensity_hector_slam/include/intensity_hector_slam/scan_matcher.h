@@ -45,6 +45,9 @@ struct Linearization {
 struct Match {
   Pose pose = Pose::Zero();
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< K of x, y, theta, map frame: m^2, m rad, rad^2
+  /// The same, larger where surfaces tell so little of the pose that their unevenness pulls it along: what it
+  /// may be off by from one scan to the next, all alike.
+  Eigen::Matrix3d uncertainty = Eigen::Matrix3d::Zero();
   Eigen::Matrix3d hessian = Eigen::Matrix3d::Zero();  ///< H at the pose, over all beams, on the finest level
   /// Takes a difference of poses (map frame) to its part in directions that weren't observable.
   Eigen::Matrix3d unobservable_part = Eigen::Matrix3d::Zero();
@@ -70,7 +73,10 @@ class ScanMatcher {
 
   /// @param guess first guess, map frame
   /// @param search whether to search the window around the guess before
-  Match match(const MultiMap& map, const Scan& scan, const Pose& guess, bool search = false);
+  /// @param follows the guess is that of a body whose velocity is known from scans just before: see
+  ///                MatcherOptions::near_distance, new_margin
+  Match match(const MultiMap& map, const Scan& scan, const Pose& guess, bool search = false,
+              bool follows = false);
 
   /// The cost of the options at a pose.
   Linearization linearize(const GridMap& map, const Scan& scan, const Pose& pose);
@@ -81,6 +87,8 @@ class ScanMatcher {
   Observability observe(const GridMap& map, const Scan& scan, const Pose& pose, const Cost& cost) const;
   double curvatureAlong(const Eigen::Vector3d& v, const GridMap& map, const Pose& pose, const Cost& cost,
                         const Linearization& at, const Observability& observability) const;
+  void thin(const MultiMap& map);
+  Match matchPoints(const MultiMap& map, const Scan& scan, const Pose& guess, bool search, bool follows);
   /// Both move the pose, add to the iterations, and return the cost where the last step starts, on the
   /// finest level.
   /// @param coarse what all other levels use: the level k the first 1 / 2^k of it, but no fewer than `least`
@@ -94,6 +102,7 @@ class ScanMatcher {
 
   MatcherOptions options_;
   std::shared_ptr<const Cost> cost_;
+  Scan seen_before_;       // the points of a scan that haven't just come into view
   Beams beams_, thinned_;  // all, and for the coarser levels
 };
 

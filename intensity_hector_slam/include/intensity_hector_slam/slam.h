@@ -3,12 +3,14 @@
 
 #include <mapping_common/recent.h>
 
+#include <array>
 #include <limits>
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "intensity_hector_slam/motion_filter.h"
 #include "intensity_hector_slam/place_finder.h"
 #include "intensity_hector_slam/scan_matcher.h"
 
@@ -127,11 +129,12 @@ class Slam {
   void startAgain();
   double deskew(const Scan& scan);
   Scan moved(const Scan& scan, double time) const;
-  void place(const Scan& scan, bool unsure, SlamResult& result);
+  void place(const Scan& scan, double middle, bool unsure, SlamResult& result);
   Match match(const Scan& scan, const Pose& guess, bool unsure);
   bool accepts(const Match& match, const Pose& guess) const;
   Eigen::Matrix3d unknownCovariance() const;
   bool hasMoved(const std::optional<Pose>& from, const Pose& to) const;
+  void filter(double middle, SlamResult& result);
   void updateVelocity(double middle, const SlamResult& result);
   void approach(const Eigen::Vector3d& velocity, double elapsed);
   void updateMap(const Scan& scan, SlamResult& result);
@@ -151,6 +154,11 @@ class Slam {
   Pose pose_ = Pose::Zero();                            // at the last stamp
   Eigen::Vector3d velocity_ = Eigen::Vector3d::Zero();  // in the frame of the body: m/s, m/s, rad/s
   bool velocity_known_ = false;
+  // Without odometry: of a body on wheels, and of one that is carried. The one that tells the poses better is
+  // believed.
+  std::array<MotionFilter, 2> filters_ = {MotionFilter(true), MotionFilter(false)};
+  bool steady_ = false;    // the first guess is that of a body with a steady velocity
+  bool filtered_ = false;  // the last pose and velocity are the filters'
   std::optional<double> last_stamp_;
   std::optional<Scan> first_;  // until the next, which tells the velocity
   std::optional<Pose> last_odometry_, last_update_, last_search_;
