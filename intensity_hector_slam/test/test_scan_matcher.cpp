@@ -66,6 +66,33 @@ TEST(ScanMatcher, GradientIsThatOfTheCost) {
   }
 }
 
+// A wall that is 10 cm thick, of which the map has one side, comes into view from the other.
+TEST(ScanMatcher, TheOtherSideOfAWallIsntMatchedToTheFirst) {
+  std::vector<Wall> walls = box({-3.5, 0.0}, {-0.5, 0.1}, false);
+  walls.push_back({{-3.5, -4.0}, {-3.5, 4.0}});
+  for (const Wall& wall : box({1.0, -1.0}, {1.4, -0.6}, false)) walls.push_back(wall);
+  Scanner scanner = noisy();
+  scanner.max_range = 4.0;
+  MultiMap map;
+  for (int i = 0; i < 20; ++i) {
+    const Pose pose(0.1 * std::sin(0.7 * i), 1.2 - 0.05 * i, 0.3 * i);
+    map.update(look(walls, pose, scanner, 100 + i), pose);
+  }
+  const auto error = [&](bool follows) {
+    double sum = 0.0;
+    for (int seed = 0; seed < 10; ++seed) {
+      const Pose truth(-0.1, -0.25, 0.3 * seed);
+      ScanMatcher matcher(optionsOf("occupancy"));
+      const Match match = matcher.match(map, look(walls, truth, scanner, seed), truth, false, follows);
+      sum += std::abs(match.pose.y() - truth.y());
+    }
+    return sum / 10.0;
+  };
+  EXPECT_LT(error(true), 0.03);
+  EXPECT_GT(error(false), 2.0 * error(true))
+      << "the test is of a wall that isn't mistaken for its other side";
+}
+
 TEST(ScanMatcher, FindsDisplacements) {
   const std::vector<Wall> walls = furnishedRoom();
   const MultiMap map = mapOf(walls, noisy());
