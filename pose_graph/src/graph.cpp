@@ -101,6 +101,13 @@ double Graph::chi2() const {
   return sum;
 }
 
+// What moves whole parts of a planar graph rounds, and what is moved far, far.
+void Graph::setPose(std::size_t node, const Pose& pose) {
+  const bool in_plane = pose.translation.z() == 0.0 && pose.rotation.vec().head<2>().isZero(0.0);
+  nodes_[node].pose =
+      planar_ && !in_plane ? planarPose(pose.translation.x(), pose.translation.y(), pose.yaw()) : pose;
+}
+
 std::vector<std::size_t> connectedParts(const Graph& graph) {
   std::vector<std::size_t> part(graph.nodes().size());
   std::iota(part.begin(), part.end(), 0);

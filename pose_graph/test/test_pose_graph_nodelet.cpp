@@ -177,7 +177,7 @@ TEST_F(PoseGraphNodeletTest, LoopsCorrectThePath) {
   ASSERT_TRUE(load());
   drive(0, 45);
   EXPECT_GT(worstError(), 0.2);
-  EXPECT_EQ(45u, lines("consecutive"));
+  EXPECT_TRUE(waitFor([&] { return lines("consecutive") == 45u; })) << lines("consecutive");
   for (int i = 30; i <= 45; i += 3) loops_.publish(loop(i - 30, i));
   EXPECT_TRUE(waitFor([&] { return count("accepted") == 6; })) << count("accepted");
   EXPECT_TRUE(waitFor([&] { return worstError() < 0.05; })) << worstError();
