@@ -34,7 +34,8 @@ SlamScenario scenario(const std::string& name, double duration) {
 SlamRun run(const SlamRecording& recording, const std::string& cost,
             intensity_hector_slam::SlamOptions options = intensity_hector_slam::SlamOptions()) {
   options.matcher.cost = cost;
-  options.guess = intensity_hector_slam::Guess::kConstantVelocity;
+  if (options.guess == intensity_hector_slam::Guess::kOdometry)
+    options.guess = intensity_hector_slam::Guess::kConstantVelocity;
   return runSlam(recording, options);
 }
 
