@@ -102,6 +102,7 @@ class Graph {
   /// The index of a node.
   std::optional<std::size_t> find(std::int64_t id) const;
 
+  /// In a planar graph, to the pose's part in the plane.
   void setPose(std::size_t node, const Pose& pose);
   void setFixed(std::size_t node, bool fixed) { nodes_[node].fixed = fixed; }
   void setActive(std::size_t edge, bool active) { edges_[edge].active = active; }
