@@ -8,17 +8,18 @@
 namespace intensity_hector_slam {
 namespace {
 
-constexpr double kGate =
-    4.0;  // of squared innovations, over their number: more is a motion that noise doesn't explain
+// Of squared innovations, over their number: more is a motion that noise doesn't explain.
+constexpr double kGate = 4.0;
 constexpr double kMemory = 0.97;  // by which the score forgets with each scan
 
-Eigen::Matrix3d turned(double angle) {
-  Eigen::Matrix3d matrix = Eigen::Matrix3d::Identity();
-  matrix.topLeftCorner<2, 2>() = Eigen::Rotation2Dd(angle).toRotationMatrix();
-  return matrix;
-}
-
 }  // namespace
+
+Eigen::Vector3d limited(Eigen::Vector3d change, const Acceleration& most, double elapsed) {
+  const double distance = most.linear * elapsed, angle = most.angular * elapsed;
+  change.head<2>() *= distance / std::max(distance, change.head<2>().norm());
+  change.z() = std::clamp(change.z(), -angle, angle);
+  return change;
+}
 
 void MotionFilter::start(const Eigen::Vector3d& velocity, double speed, double turn_rate) {
   velocity_ = velocity;
@@ -29,24 +30,23 @@ void MotionFilter::start(const Eigen::Vector3d& velocity, double speed, double t
 }
 
 Pose MotionFilter::motion(double elapsed) const {
-  return turned(turns_ ? 0.5 * velocity_.z() * elapsed : 0.0) * velocity_ * elapsed;
+  return turnBy(turns_ ? 0.5 * velocity_.z() * elapsed : 0.0) * velocity_ * elapsed;
 }
 
 Pose MotionFilter::update(const Noise& noise, const Pose& from, const Pose& measured,
                           const Eigen::Matrix3d& covariance, double elapsed) {
   const Pose guess = compose(from, motion(elapsed));
   const double turn = velocity_.z() * elapsed;
-  const Eigen::Matrix3d to_map = turned(from.z() + (turns_ ? 0.5 * turn : 0.0));
+  const Eigen::Matrix3d to_map = turnBy(from.z() + (turns_ ? 0.5 * turn : 0.0));
   const Eigen::Vector2d way = guess.head<2>() - from.head<2>();
   Matrix6d f = Matrix6d::Identity();
   f.topRightCorner<3, 3>() = elapsed * to_map;
   f.block<2, 1>(0, 2) << -way.y(), way.x();
   if (!turns_) {
-    f.bottomRightCorner<3, 3>() = turned(-turn);
-    velocity_ = turned(-turn) * velocity_;
+    f.bottomRightCorner<3, 3>() = turnBy(-turn);
+    velocity_ = turnBy(-turn) * velocity_;
   }
-  const double a = noise.acceleration * noise.acceleration,
-               w = noise.angular_acceleration * noise.angular_acceleration;
+  const double a = noise.change.linear * noise.change.linear, w = noise.change.angular * noise.change.angular;
   const Eigen::Matrix3d q = Eigen::Vector3d(a, a, w).asDiagonal();
   Matrix6d process;
   process.topLeftCorner<3, 3>() = q * (elapsed * elapsed * elapsed / 3.0);
@@ -67,15 +67,7 @@ Pose MotionFilter::update(const Noise& noise, const Pose& from, const Pose& meas
   const Eigen::Matrix<double, 6, 1> change = gain * innovation;
   covariance_ -= gain * covariance_.topRows<3>();
   covariance_ = (0.5 * (covariance_ + covariance_.transpose())).eval();
-  // No faster than a body can: the velocity of a pose that jumps would lead away from the map.
-  Eigen::Vector3d acceleration = change.tail<3>();
-  if (known_) {
-    const double most = noise.max_acceleration * elapsed,
-                 turn_most = noise.max_angular_acceleration * elapsed;
-    acceleration.head<2>() *= most / std::max(most, acceleration.head<2>().norm());
-    acceleration.z() = std::clamp(acceleration.z(), -turn_most, turn_most);
-  }
-  velocity_ += acceleration;
+  velocity_ += known_ ? limited(change.tail<3>(), noise.limits, elapsed) : Eigen::Vector3d(change.tail<3>());
   known_ = true;
   return {guess.x() + change.x(), guess.y() + change.y(), wrapAngle(guess.z() + change.z())};
 }

@@ -16,13 +16,6 @@ constexpr double kTurnShare = 0.2;      // the same of the turn, and m for each 
 constexpr double kUnknownSpeed = 1.0, kUnknownTurnRate = 2.0;  // m/s, rad/s: standard deviations at the start
 constexpr double kOdometryTrust = 10.0;  // times SlamOptions::max_gap, that it leads while nothing fits
 
-// Of velocities (x, y, angle), from the body's frame to the map's.
-Eigen::Matrix3d turnTo(const Pose& pose) {
-  Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
-  turn.topLeftCorner<2, 2>() = Eigen::Rotation2Dd(pose.z()).toRotationMatrix();
-  return turn;
-}
-
 }  // namespace
 
 std::string toString(Status status) {
@@ -460,8 +453,8 @@ void Slam::filter(double middle, SlamResult& result) {
   }
   filtered_ = follows;
   if (!follows) return;
-  const MotionFilter::Noise noise{options_.acceleration_noise, options_.angular_acceleration_noise,
-                                  options_.max_acceleration, options_.max_angular_acceleration};
+  const MotionFilter::Noise noise{{options_.acceleration_noise, options_.angular_acceleration_noise},
+                                  limits()};
   if (result.match.observable == 3) last_observed_ = middle;
   double best = -std::numeric_limits<double>::infinity();
   for (MotionFilter& filter : filters_) {
@@ -469,7 +462,7 @@ void Slam::filter(double middle, SlamResult& result) {
         filter.update(noise, matched_pose_, result.match.pose, result.match.uncertainty, elapsed);
     // A velocity that can't be observed goes on over a blind stretch, but would never end.
     if (middle - last_observed_ > options_.max_gap) {
-      const Eigen::Matrix3d to_map = turnTo(pose);
+      const Eigen::Matrix3d to_map = turnBy(pose.z());
       filter.stop(to_map.transpose() * result.match.unobservable_part * to_map);
     }
     if (filter.score() <= best) continue;
@@ -496,16 +489,9 @@ void Slam::updateVelocity(double middle, const SlamResult& result) {
   matched_pose_ = result.pose;
 }
 
-// No faster than a body can: taken as it is, the velocity of a pose that jumps would lead away from the map.
 void Slam::approach(const Eigen::Vector3d& velocity, double elapsed) {
-  Eigen::Vector3d change = velocity - velocity_;
-  if (velocity_known_) {
-    const double distance = options_.max_acceleration * elapsed,
-                 angle = options_.max_angular_acceleration * elapsed;
-    change.head<2>() *= distance / std::max(distance, change.head<2>().norm());
-    change.z() = std::clamp(change.z(), -angle, angle);
-  }
-  velocity_ += change;
+  const Eigen::Vector3d change = velocity - velocity_;
+  velocity_ += velocity_known_ ? limited(change, limits(), elapsed) : change;
   velocity_known_ = true;
 }
 

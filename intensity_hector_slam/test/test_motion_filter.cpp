@@ -87,7 +87,7 @@ TEST(MotionFilter, FollowsAPush) {
   EXPECT_NEAR(0.1, pose.y(), 0.005);
   EXPECT_NEAR(0.2, pose.z(), 0.005);
   // A pose that jumps is no velocity: 6 m/s would lead away.
-  EXPECT_LE(filter.velocity().head<2>().norm(), MotionFilter::Noise().max_acceleration * kPeriod + 0.01);
+  EXPECT_LE(filter.velocity().head<2>().norm(), MotionFilter::Noise().limits.linear * kPeriod + 0.01);
 }
 
 TEST(MotionFilter, IsReadyForTheWrapOfAnAngle) {

@@ -27,16 +27,10 @@ namespace {
 const char kUsage[] =
     "Usage: simulate_stations --sensor SENSOR.yaml [--world WORLD.yaml] --out DIR   [options]\n"
     "\n"
-    "Scans a world from stations along its trajectory, or a street of the city (simulate_city) on the way "
-    "out on "
-    "one\n"
-    "side and back on the other, and writes DIR/scan_001.ptx and so on, in the scanner's own frame and "
-    "without "
-    "its pose,\n"
-    "and DIR/truth.tum, the scanner's poses with the number of the scan for a time. At each station the "
-    "scanner "
-    "looks\n"
-    "anywhere, and is tilted.\n";
+    "Scans a world from stations along its trajectory, or a street of the city (simulate_city) on the\n"
+    "way out on one side and back on the other. Writes DIR/scan_001.ptx and so on, in the scanner's own\n"
+    "frame and without its pose, and DIR/truth.tum, the scanner's poses with the number of the scan for a\n"
+    "time. At each station the scanner looks anywhere, and is tilted.\n";
 
 struct Arguments {
   std::string sensor, world, out;

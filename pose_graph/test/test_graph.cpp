@@ -54,6 +54,24 @@ TEST(Error, OfALargeTurnIsG2os) {
   EXPECT_NEAR(-2.0 * std::sin(1.0), errorOf(edge, {}, planarPose(0, 0, 2 * M_PI - 2.0), false)[5], 1e-12);
 }
 
+// What moves whole parts rounds, so that a part that is far away leaves the plane.
+TEST(Graph, StaysInItsPlane) {
+  const Pose moved = inSpace(3e6, -2e6, 0.4, 0.7, {1e-5, 0, 1});
+  for (const bool planar : {false, true}) {
+    Graph graph(planar);
+    graph.addNode({7, 0, {}, false});
+    graph.setPose(0, moved);
+    const Pose& pose = graph.nodes()[0].pose;
+    EXPECT_EQ(planar ? 0.0 : 0.4, pose.translation.z());
+    EXPECT_EQ(planar, pose.rotation.x() == 0.0);
+    EXPECT_EQ(3e6, pose.translation.x());
+    EXPECT_EQ(-2e6, pose.translation.y());
+    EXPECT_NEAR(0.7, pose.yaw(), 1e-6);
+    Graph copy(planar);
+    EXPECT_EQ("", refusal([&] { copy.addNode(graph.nodes()[0]); }));
+  }
+}
+
 TEST(Graph, SumsTheSquaresOfActiveEdges) {
   Graph graph(true);
   graph.addNode({7, 0, {}, false});

@@ -7,6 +7,15 @@
 
 namespace intensity_hector_slam {
 
+/// m/s^2, rad/s^2.
+struct Acceleration {
+  double linear, angular;
+};
+
+/// A change of a velocity in `elapsed` (s), no faster than a body can: that of a pose that jumps would lead
+/// away from the map.
+Eigen::Vector3d limited(Eigen::Vector3d change, const Acceleration& most, double elapsed);
+
 /// The velocity of a body, and how sure it and the last pose are: a Kalman filter of a body that accelerates
 /// at random (Y. Bar-Shalom et al., "Estimation with Applications to Tracking and Navigation", 6.2.2: white
 /// noise acceleration). Where a scan tells little of some direction, its match there is of the map's noise
@@ -14,10 +23,8 @@ namespace intensity_hector_slam {
 class MotionFilter {
  public:
   struct Noise {
-    /// m/s, rad/s: standard deviations of the change of the velocity in a second
-    double acceleration = 0.5, angular_acceleration = 2.0;
-    /// m/s^2, rad/s^2: of a known velocity, at most
-    double max_acceleration = 5.0, max_angular_acceleration = 15.0;
+    Acceleration change{0.5, 2.0};   ///< standard deviations of the change of the velocity in a second
+    Acceleration limits{5.0, 15.0};  ///< of a known velocity
   };
 
   /// @param turns whether the velocity turns with the body, as on wheels, or is that of something carried

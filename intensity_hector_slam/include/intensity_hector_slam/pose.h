@@ -28,6 +28,13 @@ inline Pose between(const Pose& from, const Pose& to) {
   return {c * d.x() + s * d.y(), -s * d.x() + c * d.y(), wrapAngle(to.z() - from.z())};
 }
 
+/// Turns a velocity, or another difference of poses, by an angle.
+inline Eigen::Matrix3d turnBy(double angle) {
+  Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
+  turn.topLeftCorner<2, 2>() = Eigen::Rotation2Dd(angle).toRotationMatrix();
+  return turn;
+}
+
 /// S_i, Eq. 3.7: times a point.
 inline Eigen::Isometry2d isometry(const Pose& pose) {
   return Eigen::Translation2d(pose.head<2>()) * Eigen::Rotation2Dd(pose.z());

@@ -55,8 +55,8 @@ struct Match {
   int iterations = 0;          ///< over all levels
   int observable = 3;          ///< directions in which the pose was observable, 0 to 3
   double residual = 0.0;       ///< root mean square of the weighted residuals at the pose
-  double contradiction = 0.0;  ///< share of the points in cells known as free
-  double overlap = 0.0;        ///< share of the points in cells known as occupied
+  double contradiction = 0.0;  ///< share of the points that were matched in cells known as free
+  double overlap = 0.0;        ///< the same in those known as occupied
   bool searched = false;       ///< whether a window around the first guess was searched
 
   /// How well the scan agrees with the map, -1 to 1.

@@ -136,6 +136,7 @@ class Slam {
   bool hasMoved(const std::optional<Pose>& from, const Pose& to) const;
   void filter(double middle, SlamResult& result);
   void updateVelocity(double middle, const SlamResult& result);
+  Acceleration limits() const { return {options_.max_acceleration, options_.max_angular_acceleration}; }
   void approach(const Eigen::Vector3d& velocity, double elapsed);
   void updateMap(const Scan& scan, SlamResult& result);
   void keep(const Scan& scan, const Pose& pose);

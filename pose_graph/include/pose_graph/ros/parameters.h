@@ -95,8 +95,7 @@ struct PoseGraphParameters {
     o("publish_tf", publish_tf, "",
       "true: tf map_frame -> odom_frame (REP 105). Nobody else may publish it then: set "
       "pub_map_odom_transform of SLAM false. Where clouds make the key poses, map_frame -> base_frame at "
-      "each of "
-      "known place");
+      "each of known place");
     o("odom_frame", odom_frame, "", "publish_tf: the frame of odometry").notEmpty();
     o.require(key_poses != KeyPoses::kClouds || keep_clouds, "keep_clouds",
               "true where clouds make the key poses");
