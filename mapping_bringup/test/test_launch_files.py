@@ -172,6 +172,14 @@ class LaunchFilesTest(unittest.TestCase):
             self.assertEqual(slam, params[at + 'slam/odom_frame'].value)
             self.assertEqual(loops, params[at + 'loop_closure/fixed_frame'].value)
 
+    def test_no_nodelet_waits_for_another(self):
+        for config in (load(find('stop_scan_go.launch')),
+                       load(find('robot.launch'), 'calibration:=/nowhere.yaml', 'mapping:=true', 'loop_closure:=true',
+                            'place_recognition:=true', 'pose_graph:=true')):
+            nodelets = [node for node in config.nodes if node.args.startswith('load ')]
+            self.assertGreaterEqual(len(nodelets), 4)
+            self.assertGreaterEqual(config.params['/manager/num_worker_threads'].value, len(nodelets))
+
     def test_scans_of_unknown_poses(self):
         params = load(find('stop_scan_go.launch'), 'file:=/a.e57', 'scanner_frame:=zf').params
         self.assertEqual([False, 'zf', 'zf', 'clouds', False],

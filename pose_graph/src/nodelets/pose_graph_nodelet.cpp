@@ -239,8 +239,9 @@ void PoseGraphNodelet::listen() {
         false));
   }
   if (parameters_.keep_clouds) {
+    const bool each_counts = parameters_.key_poses == KeyPoses::kClouds;
     inputs_.push_back(arrivals_->subscribe<sensor_msgs::PointCloud2>(
-        "cloud", 5, "Clouds",
+        "cloud", each_counts ? parameters_.queue_size : 5, "Clouds",
         [this](const sensor_msgs::PointCloud2& cloud, const Arrivals::Transforms& t) { keepCloud(cloud, t); },
         false));
   }

@@ -55,7 +55,9 @@ struct PoseGraphParameters {
       "brings consecutive edges makes the key poses")
         .notEmpty();
     o("key_poses", key_poses, "", "what makes them");
-    o("queue_size", queue_size, "", "edges of each topic that wait for the nodelet").within(1, 100000);
+    o("queue_size", queue_size, "",
+      "edges of each topic that wait for the nodelet, and clouds where they make key poses")
+        .within(1, 100000);
     o("front_end_pose", front_end_pose, "",
       "where the pose between key poses comes from, at full rate: edges of other stamps, such as a camera's, "
       "are attached by it");
