@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
+#include <string>
 
 namespace intensity_place_recognition {
 namespace {
@@ -108,6 +109,28 @@ Panorama toPanorama(const Cloud& cloud, const PanoramaOptions& options, int larg
   PanoramaBuilder builder(options);
   builder.add(cloud);
   return builder.panorama(largest_hole);
+}
+
+Cloud toCloud(const cv::Mat1f& intensity, const cv::Mat1f& range, const PanoramaOptions& options) {
+  if (intensity.size() != range.size())
+    throw std::invalid_argument("the image of intensities has " + std::to_string(intensity.cols) + " x " +
+                                std::to_string(intensity.rows) + " pixels, that of ranges " +
+                                std::to_string(range.cols) + " x " + std::to_string(range.rows));
+  Panorama panorama{options, {}, {}, {}};
+  panorama.options.width = range.cols;
+  panorama.options.height = range.rows;
+  Cloud cloud;
+  cloud.reserve(range.total());
+  for (int y = 0; y < range.rows; ++y) {
+    for (int x = 0; x < range.cols; ++x) {
+      if (!(range(y, x) > 0.0f && std::isfinite(range(y, x)))) continue;
+      pcl::PointXYZI p;
+      p.getVector3fMap() = range(y, x) * panorama.directionOf(cv::Point2d(x, y)).cast<float>();
+      p.intensity = intensity(y, x);
+      cloud.push_back(p);
+    }
+  }
+  return cloud;
 }
 
 Panorama rectilinear(const Panorama& panorama, const RectilinearView& view) {

@@ -186,5 +186,36 @@ TEST(Panorama, RefusesOptionsThatWontDo) {
   EXPECT_THROW(rectilinear(toPanorama({}, {}), view), std::invalid_argument);
 }
 
+TEST(Panorama, OfImagesGivesThePointsOfItsPixels) {
+  PanoramaOptions options;
+  cv::Mat1f intensity(32, 256), range(32, 256);
+  for (int y = 0; y < range.rows; ++y) {
+    for (int x = 0; x < range.cols; ++x) {
+      range(y, x) = 5.0f + 0.1f * static_cast<float>(x) + static_cast<float>(y);
+      intensity(y, x) = static_cast<float>(x + y);
+    }
+  }
+  range(3, 4) = 0.0f;
+  range(5, 6) = NAN;
+  range(7, 8) = INFINITY;
+  range(9, 10) = -1.0f;
+  const Cloud cloud = toCloud(intensity, range, options);
+  EXPECT_EQ(range.total() - 4, cloud.size());
+  options.width = range.cols;
+  options.height = range.rows;
+  const Panorama again = toPanorama(cloud, options);
+  for (int y = 0; y < range.rows; ++y) {
+    for (int x = 0; x < range.cols; ++x) {
+      if (!(range(y, x) > 0.0f && std::isfinite(range(y, x)))) {
+        EXPECT_EQ(0, again.mask(y, x));
+        continue;
+      }
+      EXPECT_NEAR(range(y, x), again.range(y, x), 1e-3) << x << ' ' << y;
+      EXPECT_EQ(intensity(y, x), again.intensity(y, x)) << x << ' ' << y;
+    }
+  }
+  EXPECT_THROW(toCloud(intensity, cv::Mat1f(32, 255, 1.0f), options), std::invalid_argument);
+}
+
 }  // namespace
 }  // namespace intensity_place_recognition

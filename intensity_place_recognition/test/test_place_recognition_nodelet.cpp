@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <cv_bridge/cv_bridge.h>
 #include <gtest/gtest.h>
 #include <mapping_common/testing/message_fuzz.h>
 #include <mapping_common/testing/nodelet_test.h>
@@ -9,6 +10,8 @@
 #include <sensor_msgs/Image.h>
 #include <sensor_msgs/point_cloud2_iterator.h>
 #include <std_srvs/Empty.h>
+
+#include <algorithm>
 
 #include "test_street.h"
 
@@ -134,6 +137,124 @@ TEST_F(PlaceRecognitionNodeletTest, SurvivesWhateverArrives) {
   publish(message(1, Street::at(1.0, -0.5, 2.5), 60.0), "3");
   EXPECT_TRUE(mapping_common::waitFor(
       [this] { return !places_.messages.empty() && places_.messages.back().to_stamp.toSec() == 60.0; }));
+}
+
+class PlaceRecognitionImagesTest : public PlaceRecognitionNodeletTest {
+ protected:
+  PlaceRecognitionImagesTest()
+      : images_(node_.advertise<sensor_msgs::Image>("image", 10)),
+        ranges_(node_.advertise<sensor_msgs::Image>("range_image", 10)) {
+    setParam("input", "images");
+    setParam("range_unit", 0.004);
+  }
+  struct Pair {
+    sensor_msgs::Image image, range;
+  };
+  static sensor_msgs::Image of16Bits(const cv::Mat1f& values, double unit, const std_msgs::Header& header) {
+    cv::Mat1w integers;
+    values.convertTo(integers, CV_16U, 1.0 / unit);
+    return *cv_bridge::CvImage(header, "mono16", integers).toImageMsg();
+  }
+  static Pair pair(unsigned street, const Eigen::Isometry3d& pose, double stamp) {
+    PanoramaOptions options;
+    options.width = 1440;
+    const Panorama panorama = toPanorama(Street(street).scan(pose), options);
+    std_msgs::Header header;
+    header.stamp.fromSec(stamp);
+    header.frame_id = "os_sensor";
+    double highest = 0.0;
+    cv::minMaxLoc(panorama.intensity, nullptr, &highest);
+    return {of16Bits(panorama.intensity, highest / 60000.0, header), of16Bits(panorama.range, 0.004, header)};
+  }
+  void startImages() {
+    ASSERT_TRUE(load());
+    ASSERT_TRUE(mapping_common::waitFor(
+        [this] { return images_.getNumSubscribers() > 0 && ranges_.getNumSubscribers() > 0; }));
+    ASSERT_TRUE(places_.waitForLink());
+    EXPECT_EQ(0u, clouds_.getNumSubscribers());
+  }
+  void publish(const Pair& pair, const std::string& places) {
+    ranges_.publish(pair.range);
+    images_.publish(pair.image);
+    expectDiagnostic("Places", "Places", places);
+  }
+  ros::Publisher images_, ranges_;
+};
+
+TEST_F(PlaceRecognitionImagesTest, PublishesPlacesOfPanoramas) {
+  startImages();
+  const Eigen::Isometry3d first = Street::at(0.0, 0.0, 0.0), again = Street::at(1.0, -0.5, 2.5);
+  publish(pair(1, first, 100.0), "1");
+  publish(pair(2, first, 110.0), "2");
+  // Others come between those that belong together.
+  const Pair last = pair(1, again, 120.0);
+  images_.publish(last.image);
+  images_.publish(pair(2, again, 121.0).image);
+  ranges_.publish(last.range);
+  expectDiagnostic("Places", "Places", "3");
+  ASSERT_TRUE(mapping_common::waitFor([this] { return places_.messages.size() == 1; }));
+  const mapping_msgs::EdgeConstraint& edge = places_.messages[0];
+  EXPECT_EQ("os_sensor", edge.frame_id);
+  EXPECT_EQ(100.0, edge.from_stamp.toSec());
+  EXPECT_EQ(120.0, edge.to_stamp.toSec());
+  EXPECT_TRUE(edge.has_transform);
+  EXPECT_NEAR(1.0, edge.transform.position.x, 0.1);
+  EXPECT_NEAR(-0.5, edge.transform.position.y, 0.1);
+  EXPECT_NEAR(std::sin(1.25), std::abs(edge.transform.orientation.z), 0.01);
+}
+
+TEST_F(PlaceRecognitionImagesTest, DropsImagesThatWontDo) {
+  startImages();
+  Pair bad = pair(1, Street::at(0.0, 0.0, 0.0), 100.0);
+  bad.range.encoding = "rgb8";
+  ranges_.publish(bad.range);
+  images_.publish(bad.image);
+  expectDiagnostic("Input", "Dropped: malformed", "1");
+  bad = pair(1, Street::at(0.0, 0.0, 0.0), 102.0);
+  bad.range.data.resize(100);
+  ranges_.publish(bad.range);
+  images_.publish(bad.image);
+  expectDiagnostic("Input", "Dropped: malformed", "2");
+  bad = pair(1, Street::at(0.0, 0.0, 0.0), 104.0);
+  --bad.image.height;  // another size than the range image
+  ranges_.publish(bad.range);
+  images_.publish(bad.image);
+  expectDiagnostic("Input", "Dropped: malformed", "3");
+  for (const double stamp : {106.0, 108.0, 110.0})
+    images_.publish(pair(1, Street::at(0.0, 0.0, 0.0), stamp).image);
+  expectDiagnostic("Input", "Dropped: unpaired", "1");
+  publish(pair(1, Street::at(0.0, 0.0, 0.0), 112.0), "1");
+}
+
+TEST_F(PlaceRecognitionImagesTest, SurvivesWhateverImagesArrive) {
+  startImages();
+  const Pair good = pair(1, Street::at(0.0, 0.0, 0.0), 0.0);
+  double stamp = 100.0;
+  mapping_common::fuzz({"os_sensor", "other"}, [&](mapping_common::MessageFuzz& fuzz) {
+    Pair images = good;
+    images.image.header.stamp.fromSec(stamp += 2.0);
+    images.range.header.stamp = images.image.header.stamp;
+    if (fuzz.hit()) {
+      images.range.encoding = images.image.encoding = "32FC1";
+      for (sensor_msgs::Image* image : {&images.image, &images.range}) {
+        image->step = 4 * image->width;
+        image->data.resize(std::size_t{image->step} * image->height);
+        for (std::size_t i = 0; i + 4 <= image->data.size(); i += 4) {
+          const auto value = static_cast<float>(fuzz.number());
+          std::copy_n(reinterpret_cast<const std::uint8_t*>(&value), 4, &image->data[i]);
+        }
+      }
+    }
+    fuzz.spoil(images.image);
+    if (fuzz.hit()) fuzz.spoil(images.range);
+    images_.publish(images.image);
+    ranges_.publish(images.range);
+  });
+  expectDiagnostic("Input", "Images (Hz)", "0.0");
+  expectDiagnostic("Nodelet", "Callbacks that failed", "0");
+  std_srvs::Empty reset;
+  ASSERT_TRUE(ros::service::call(name_ + "/reset", reset));
+  publish(pair(1, Street::at(0.0, 0.0, 0.0), 50.0), "1");
 }
 
 TEST_F(PlaceRecognitionNodeletTest, RefusesWrongParameters) {

@@ -2,6 +2,7 @@
 #include "ibuild_loop_closure/ros/conversions.h"
 
 #include <cv_bridge/cv_bridge.h>
+#include <mapping_common/images.h>
 #include <sensor_msgs/image_encodings.h>
 #include <tf2_eigen/tf2_eigen.h>
 
@@ -15,23 +16,6 @@ namespace {
 
 namespace encodings = sensor_msgs::image_encodings;
 
-// @throws std::exception if the image's size and its data don't agree, which cv_bridge doesn't see where
-// their products are beyond 32 bits
-void requireWhole(const sensor_msgs::Image& message) {
-  const auto size = std::to_string(message.width) + " x " + std::to_string(message.height);
-  if (message.width == 0 || message.height == 0)
-    throw std::invalid_argument("the image is empty (" + size + ")");
-  const std::uint64_t step = message.step, row = std::uint64_t{message.width} *
-                                                 encodings::numChannels(message.encoding) *
-                                                 (encodings::bitDepth(message.encoding) / 8);
-  if (step < row)
-    throw std::invalid_argument("the image of " + size + " has rows of only " + std::to_string(step) +
-                                " bytes");
-  if (message.data.size() / step < message.height)
-    throw std::invalid_argument("the image of " + size + " has only " + std::to_string(message.data.size()) +
-                                " bytes");
-}
-
 // Of channels without a name, as thermal cameras and some drivers have them.
 bool isUnnamed(const std::string& encoding) {
   return encoding.compare(0, 3, "8UC") == 0 || encoding.compare(0, 4, "16UC") == 0;
@@ -41,7 +25,7 @@ bool isUnnamed(const std::string& encoding) {
 
 cv::Mat toImage(const sensor_msgs::Image& message) {
   try {
-    requireWhole(message);
+    mapping_common::requireWhole(message);
     if (isUnnamed(message.encoding)) return toGrey(cv_bridge::toCvCopy(message)->image);
     const bool deep = encodings::bitDepth(message.encoding) == 16;
     return toGrey(cv_bridge::toCvCopy(message, deep ? encodings::MONO16 : encodings::MONO8)->image);
@@ -71,7 +55,7 @@ cv::Mat toDepth(const sensor_msgs::Image& message) {
                                 "', allowed is 16UC1 (mm), 32FC1 (m)");
   }
   try {
-    requireWhole(message);
+    mapping_common::requireWhole(message);
     return cv_bridge::toCvCopy(message)->image;
   } catch (const std::exception& e) {
     throw std::invalid_argument(std::string("the depth image can't be converted: ") + e.what());

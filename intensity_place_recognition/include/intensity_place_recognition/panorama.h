@@ -78,6 +78,12 @@ class PanoramaBuilder {
 
 Panorama toPanorama(const Cloud& cloud, const PanoramaOptions& options, int largest_hole = 0);
 
+/// The points of a panorama of any size, one for each pixel whose range is positive and finite, at its
+/// middle.
+/// @param range m @param options whose elevations are those of the images' edges
+/// @throws std::invalid_argument if the images differ in size
+Cloud toCloud(const cv::Mat1f& intensity, const cv::Mat1f& range, const PanoramaOptions& options);
+
 /// A.2: what a camera would see.
 struct RectilinearView {
   int width = 256, height = 256;                                ///< pixels

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
-// Recognises places in the clouds of a 3D scanner. Everything happens in the nodelet's single-threaded
-// callback queue, so that nothing here needs a lock.
+// Recognises places in the clouds of a 3D scanner, or in its panoramas. Everything happens in the nodelet's
+// single-threaded callback queue, so that nothing here needs a lock.
 #include <cv_bridge/cv_bridge.h>
 #include <mapping_common/arrivals.h>
 #include <mapping_common/nodelet.h>
@@ -14,7 +14,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <iomanip>
+#include <iterator>
 #include <map>
 #include <memory>
 #include <pluginlib/class_list_macros.hpp>
@@ -31,6 +33,7 @@ namespace {
 
 using mapping_common::Arrivals;
 
+constexpr const char* kUnpaired = "unpaired";
 constexpr std::size_t kMostPictures = 500;  // that are kept, of some 50 kB each
 
 // What happened since the last diagnostics.
@@ -48,7 +51,8 @@ class PlaceRecognitionNodelet : public mapping_common::Nodelet {
 
  private:
   void start(mapping_common::Parameters& reader) override;
-  void arrived(const sensor_msgs::PointCloud2& message);
+  void subscribeImages();
+  void arrived(const std_msgs::Header& header, const std::function<Cloud()>& points);
   void publish(const Recognition& recognition, const std_msgs::Header& header);
   std::string load(const std::string& path);
   void reset();
@@ -63,7 +67,9 @@ class PlaceRecognitionNodelet : public mapping_common::Nodelet {
   std::map<int, cv::Mat1b> pictures_;  // of the last places, while somebody listens
 
   std::unique_ptr<Arrivals> arrivals_;
-  ros::Subscriber clouds_;
+  ros::Subscriber clouds_, intensity_subscriber_, range_subscriber_;
+  using Images = std::map<ros::Time, sensor_msgs::ImageConstPtr>;
+  Images intensities_, ranges_;  // that wait for those of the other topic
   ros::Publisher places_, debug_images_;
   Activity activity_;
   std::size_t accepted_ = 0;
@@ -96,13 +102,23 @@ void PlaceRecognitionNodelet::start(mapping_common::Parameters& reader) {
                                                    });
   Arrivals::Options options;
   options.drops.name = getName();
-  options.drops.warning = "Dropped a cloud";
+  options.drops.warning = "Dropped a scan";
+  options.drops.reasons = {kUnpaired};
   options.in_order = true;
-  arrivals_ =
-      std::make_unique<Arrivals>(node, guard(), options, [this](const ros::Time&) { last_ = ros::Time(); });
-  clouds_ = arrivals_->subscribe<sensor_msgs::PointCloud2>(
-      "cloud", parameters_.queue_size, "Clouds",
-      [this](const sensor_msgs::PointCloud2& cloud, const Arrivals::Transforms&) { arrived(cloud); });
+  arrivals_ = std::make_unique<Arrivals>(node, guard(), options, [this](const ros::Time&) {
+    last_ = ros::Time();
+    intensities_.clear();
+    ranges_.clear();
+  });
+  if (parameters_.input == Input::kImages) {
+    subscribeImages();
+  } else {
+    clouds_ = arrivals_->subscribe<sensor_msgs::PointCloud2>(
+        "cloud", parameters_.queue_size, "Clouds",
+        [this](const sensor_msgs::PointCloud2& cloud, const Arrivals::Transforms&) {
+          arrived(cloud.header, [&] { return toCloud(cloud, parameters_.intensity_field); });
+        });
+  }
 
   serveFile<mapping_msgs::SaveMap>("save_places", [this](const std::string& path) {
     mapping_common::requireOwnEnding(path);
@@ -115,10 +131,38 @@ void PlaceRecognitionNodelet::start(mapping_common::Parameters& reader) {
                             {"Places", [this](StatusWrapper& status) { diagnosePlaces(status); }}});
 }
 
-void PlaceRecognitionNodelet::arrived(const sensor_msgs::PointCloud2& message) {
-  const ros::Time stamp = message.header.stamp;
+void PlaceRecognitionNodelet::subscribeImages() {
+  const auto subscribe = [this](const std::string& topic, const std::string& label, Images& own) {
+    return getNodeHandle().subscribe<sensor_msgs::Image>(
+        topic, parameters_.queue_size, [this, topic, label, &own](const sensor_msgs::ImageConstPtr& image) {
+          const ros::Time stamp = image->header.stamp;
+          if (!arrivals_->accept(topic, label, image->header)) return;
+          own[stamp] = image;
+          const auto intensity = intensities_.find(stamp), range = ranges_.find(stamp);
+          if (intensity == intensities_.end() || range == ranges_.end()) {
+            if (own.size() <= static_cast<std::size_t>(parameters_.queue_size)) return;
+            own.erase(own.begin());
+            return arrivals_->drops().add(kUnpaired,
+                                          "no image of the other topic has the stamp of one of " + topic);
+          }
+          const auto first = intensity->second, second = range->second;
+          intensities_.erase(intensities_.begin(), std::next(intensity));
+          ranges_.erase(ranges_.begin(), std::next(range));
+          arrivals_->add("pair", first->header, [this, first, second](const Arrivals::Transforms&) {
+            arrived(first->header, [&] {
+              return toCloud(*first, *second, parameters_.range_unit, parameters_.recognizer.panorama);
+            });
+          });
+        });
+  };
+  intensity_subscriber_ = subscribe("image", "Images", intensities_);
+  range_subscriber_ = subscribe("range_image", "Range images", ranges_);
+}
+
+void PlaceRecognitionNodelet::arrived(const std_msgs::Header& header, const std::function<Cloud()>& points) {
+  const ros::Time stamp = header.stamp;
   if (!last_.isZero() && (stamp - last_).toSec() < parameters_.min_interval) return;
-  const Cloud cloud = toCloud(message, parameters_.intensity_field);
+  const Cloud cloud = points();
   const ros::WallTime start = ros::WallTime::now();
   ros::WallTime last = start;
   const Recognition result = recognizer_->process(cloud, [&](Stage stage) {
@@ -135,8 +179,8 @@ void PlaceRecognitionNodelet::arrived(const sensor_msgs::PointCloud2& message) {
     pictures_[result.query] = toPicture(toPanorama(cloud, options.panorama, options.largest_hole));
     if (pictures_.size() > kMostPictures) pictures_.erase(pictures_.begin());
   }
-  if (result.registration.accepted) publish(result, message.header);
-  for (const Recognition& other : result.others) publish(other, message.header);
+  if (result.registration.accepted) publish(result, header);
+  for (const Recognition& other : result.others) publish(other, header);
 }
 
 void PlaceRecognitionNodelet::publish(const Recognition& recognition, const std_msgs::Header& header) {
@@ -185,9 +229,9 @@ void PlaceRecognitionNodelet::diagnoseInput(StatusWrapper& status) {
   using diagnostic_msgs::DiagnosticStatus;
   const std::size_t dropped = arrivals_->drops().recent();
   if (dropped > 0)
-    status.summaryf(DiagnosticStatus::WARN, "%zu clouds dropped", dropped);
+    status.summaryf(DiagnosticStatus::WARN, "%zu scans dropped", dropped);
   else
-    status.summary(DiagnosticStatus::OK, arrivals_->recent() > 0 ? "Clouds" : "No input");
+    status.summary(DiagnosticStatus::OK, arrivals_->recent() > 0 ? "Scans" : "No input");
   arrivals_->addTo(status, reportedTime());
 }
 

@@ -1,9 +1,15 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "intensity_place_recognition/ros/conversions.h"
 
+#include <cv_bridge/cv_bridge.h>
 #include <mapping_common/cloud_fields.h>
+#include <mapping_common/images.h>
+#include <sensor_msgs/image_encodings.h>
 
 #include <algorithm>
+#include <boost/algorithm/string/join.hpp>
+#include <stdexcept>
+#include <vector>
 
 namespace intensity_place_recognition {
 
@@ -21,6 +27,32 @@ Cloud toCloud(const sensor_msgs::PointCloud2& message, const std::string& intens
     cloud.push_back(p);
   });
   return cloud;
+}
+
+Cloud toCloud(const sensor_msgs::Image& intensity, const sensor_msgs::Image& range, double range_unit,
+              const PanoramaOptions& options) {
+  const auto floats = [](const sensor_msgs::Image& image, const std::string& what, double unit,
+                         const std::vector<std::string>& encodings) {
+    if (std::find(encodings.begin(), encodings.end(), image.encoding) == encodings.end())
+      throw std::invalid_argument("the encoding of the image of " + what + " is '" + image.encoding +
+                                  "', allowed is " + boost::algorithm::join(encodings, ", "));
+    try {
+      mapping_common::requireWhole(image);
+      const cv::Mat values = cv_bridge::toCvCopy(image)->image;
+      cv::Mat1f result;
+      values.convertTo(result, CV_32F, values.depth() == CV_32F ? 1.0 : unit);
+      return result;
+    } catch (const std::exception& e) {  // cv_bridge, OpenCV
+      throw std::invalid_argument("the image of " + what + " can't be converted: " + e.what());
+    }
+  };
+  namespace encodings = sensor_msgs::image_encodings;
+  return toCloud(
+      floats(intensity, "intensities", 1.0,
+             {encodings::MONO8, encodings::MONO16, encodings::TYPE_8UC1, encodings::TYPE_16UC1,
+              encodings::TYPE_32FC1}),
+      floats(range, "ranges", range_unit, {encodings::MONO16, encodings::TYPE_16UC1, encodings::TYPE_32FC1}),
+      options);
 }
 
 mapping_msgs::EdgeConstraint toEdge(const Recognition& recognition, const std_msgs::Header& to,

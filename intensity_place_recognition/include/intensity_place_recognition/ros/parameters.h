@@ -9,7 +9,16 @@
 
 namespace intensity_place_recognition {
 
+enum class Input { kCloud, kImages };
+constexpr auto choicesOf(Input) {
+  return mapping_common::choices<Input>(
+      {{"cloud", Input::kCloud, "clouds"},
+       {"images", Input::kImages, "panoramas of intensities and of ranges, image and range_image"}});
+}
+
 struct PlaceRecognitionParameters {
+  Input input = Input::kCloud;
+  double range_unit = 0.001;
   std::string intensity_field = "intensity";
   int queue_size = 2;
   double min_interval = 1.0;
@@ -21,11 +30,16 @@ struct PlaceRecognitionParameters {
 
   void describe(mapping_common::OptionList& o) {
     o.section("the input");
+    o("input", input, "", "what places are recognised in");
+    o("range_unit", range_unit, "m",
+      "of range images of integers: 0.001 as in REP 118, 0.004 of Ouster's driver. Floats are in m")
+        .within(1e-6, 1.0);
     o("intensity_field", intensity_field, "",
       "of the clouds' points: intensity, or reflectivity where it is calibrated")
         .notEmpty();
-    o("queue_size", queue_size, "", "clouds that wait; the oldest is dropped").within(1, 1000);
-    o("min_interval", min_interval, "s", "since the last cloud that was used, by their stamps")
+    o("queue_size", queue_size, "", "clouds, or images of each topic, that wait; the oldest is dropped")
+        .within(1, 1000);
+    o("min_interval", min_interval, "s", "since the last scan that was used, by their stamps")
         .within(0.0, 1e6)
         .dynamic();
     o("database_file", database_file, "",
