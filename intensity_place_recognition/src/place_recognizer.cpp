@@ -75,6 +75,14 @@ void PlaceRecognizerOptions::describe(mapping_common::OptionList& o) {
   o.group("registration", "verification and pose", registration);
 }
 
+double confidence(const Recognition& recognition, const PlaceRecognizerOptions& options) {
+  const Registration& r = recognition.registration;
+  const RegistrationOptions& o = options.registration;
+  const auto part = [](double value, double least) { return least > 0.0 ? value / least : 1e3; };
+  return std::min({part(r.score, o.min_score), part(r.evidence, o.min_evidence),
+                   part(recognition.margin, options.min_margin), part(r.intensity.pieces, o.min_pieces)});
+}
+
 const char* stageName(Stage stage) {
   static constexpr std::array<const char*, kStages> kNames = {"Panorama", "Description", "Shape", "Search",
                                                               "Verification"};

@@ -5,8 +5,10 @@
 #include <mapping_common/files.h>
 #include <mapping_common/testing/tool_test.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <opencv2/imgcodecs.hpp>
+#include <regex>
 #include <string>
 
 #include "intensity_place_recognition/pictures.h"
@@ -68,6 +70,29 @@ TEST_F(CompareDescriptions, TellsRecallAndPrecisionOfEachWayAndWhatHolds) {
   EXPECT_TRUE(std::filesystem::exists(dir_.path("out/curve_04.png")));
 }
 
+TEST_F(CompareDescriptions, CombinesWays) {
+  const std::string log =
+      outputOf(common_ + "--back " + dir_.path("back") +
+               " --way verified --way type=polar:type=hog,image=range "
+               "--way type=hog,image=intensity+type=hog,views=front_and_back,image=camera");
+  const std::string table = std::regex_replace(log, std::regex(" +"), " ");
+  // Parts are there as well, once each, and compared with the whole.
+  for (const char* row :
+       {"| verified | 100.0 | 100.0 |", "| type=polar |", "| type=hog,image=range | 100.0 |",
+        "| type=polar:type=hog,image=range | 100.0 | 100.0 |", "| type=hog,image=intensity |",
+        "| type=hog,image=intensity+type=hog,views=front_and_back,image=camera | 100.0 | 100.0 |",
+        "- type=polar:type=hog,image=range above type=polar alone: ",
+        "- type=hog,image=intensity+type=hog,views=front_and_back,image=camera above "
+        "type=hog,image=intensity "
+        "alone: no difference (100.0 / 100.0 % against 100.0 / 100.0 %)"})
+    EXPECT_NE(std::string::npos, table.find(row)) << row << " in\n" << table;
+  // A row a scan, of what it is verified to be alone.
+  const std::string similarities = mapping_common::readFile(dir_.path("out/curve_00_similarities.csv"));
+  EXPECT_EQ(6, std::count(similarities.begin(), similarities.end(), '\n')) << similarities;
+  EXPECT_EQ("nan,nan,", similarities.substr(similarities.rfind('\n', similarities.size() - 2) + 1, 8))
+      << similarities;
+}
+
 TEST_F(CompareDescriptions, SaysWhatIsWrong) {
   EXPECT_NE(std::string::npos,
             outputOf(common_ + "--way type=words,colour=red", 1).find("a description has no option colour"));
@@ -75,6 +100,9 @@ TEST_F(CompareDescriptions, SaysWhatIsWrong) {
   EXPECT_NE(
       std::string::npos,
       outputOf("--scans " + dir_.path("scans") + " --back " + dir_.path("back"), 2).find("--back is beside"));
+  EXPECT_NE(std::string::npos,
+            outputOf(common_ + "--way type=hog:type=words:type=polar", 1).find("two ways are in turn"));
+  EXPECT_NE(std::string::npos, outputOf(common_ + "--first 0", 2).find("--first is at least 1"));
   std::filesystem::remove(dir_.path("front/5.png"));
   EXPECT_NE(std::string::npos, outputOf(common_ + "--way type=hog,views=front,image=camera", 1)
                                    .find("front has fewer images than there are scans"));

@@ -10,11 +10,13 @@
 #include <algorithm>
 #include <boost/algorithm/string.hpp>
 #include <boost/program_options.hpp>
+#include <cmath>
 #include <cstdio>
 #include <ctime>
 #include <filesystem>
 #include <iomanip>
 #include <iostream>
+#include <limits>
 #include <map>
 #include <opencv2/imgcodecs.hpp>
 #include <sstream>
@@ -22,6 +24,7 @@
 #include "intensity_place_recognition/pictures.h"
 #include "intensity_place_recognition/place_recognizer.h"
 #include "intensity_place_recognition/scan_check.h"
+#include "intensity_place_recognition/similarity_matrix.h"
 
 namespace po = boost::program_options;
 namespace fs = std::filesystem;
@@ -43,6 +46,7 @@ struct Arguments {
   std::string scans, poses, front, back, out = "out", config;
   std::vector<std::string> ways;
   double distance = 5.0, field_of_view = 90.0;
+  int first = 10;
   PlaceRecognizerOptions recognizer;
 };
 
@@ -60,10 +64,14 @@ bool parse(int argc, char** argv, Arguments& a) {
       "m, between the poses of scans that show the same place");
   add("way", po::value(&a.ways)->composing(),
       "a way to describe, as type=words,image=range,delta=0.4 (options of the group description; "
-      "image=camera), "
-      "any number of them; by default those of the thesis");
+      "image=camera; "
+      "or verified, the whole recognizer), or several: A+B fuses their similarities, of A:B the first says "
+      "which scans the second compares. Any number of them; by default those of the thesis");
+  add("first", po::value(&a.first)->default_value(a.first),
+      "scans that look the most like each by A, which B compares, in A:B");
   add("config", po::value(&a.config), "parameters, a YAML file as the nodelet's");
   if (!mapping_common::parseArguments(argc, argv, kUsage, all)) return false;
+  if (a.first < 1) throw po::error("--first is at least 1");
   if (!a.back.empty() && a.front.empty()) throw po::error("--back is beside --front");
   if (!a.config.empty()) {
     mapping_common::OptionValues values;
@@ -84,17 +92,29 @@ bool parse(int argc, char** argv, Arguments& a) {
     }
     for (const char* psi : {"0.1", "0.2", "0.4"})
       for (const std::string type : {"shot", "shot_colour"}) a.ways.push_back("type=" + type + ",psi=" + psi);
+    for (const std::string type : {"polar", "gist,image=intensity"})
+      for (const char* local : {"words", "binary"})
+        a.ways.push_back("type=" + type + ":type=" + local + ",image=intensity");
+    a.ways.emplace_back("verified");
+    for (const std::string type : {"hog", "gist", "words", "binary"})
+      if (!a.back.empty())
+        a.ways.push_back("type=" + type + ",image=intensity+type=" + type +
+                         ",views=front_and_back,image=camera");
   }
   return true;
 }
 
-/// A way to describe scenes, and what came of it.
+/// A way to compare scenes, and what came of it.
 struct Way {
   std::string name;
   bool camera = false;
   DescriptionOptions options;
   std::unique_ptr<SceneDescription> description;
-  std::vector<int> scan;  // of each place
+  std::vector<int> scan;                        // of each place
+  std::unique_ptr<PlaceRecognizer> recognizer;  // of the way that verifies
+  std::vector<Recognition> recognitions;
+  std::vector<std::size_t> parts;  // ways that are combined
+  SimilarityMatrix similarities;
   double seconds = 0.0;
   double recall = 0.0, precision = 0.0;  // greatest, where the other is 1
 };
@@ -102,6 +122,10 @@ struct Way {
 Way wayOf(const std::string& text, const Arguments& a) {
   Way way;
   way.name = text;
+  if (text == "verified") {
+    way.recognizer = std::make_unique<PlaceRecognizer>(a.recognizer);
+    return way;
+  }
   way.options = a.recognizer.description;
   mapping_common::OptionList list = mapping_common::optionsOf(way.options);
   std::vector<std::string> parts;
@@ -125,6 +149,26 @@ Way wayOf(const std::string& text, const Arguments& a) {
   return way;
 }
 
+// The number of a way, which is put behind the parts that it has, where it isn't there yet.
+std::size_t addWay(const std::string& text, const Arguments& a, std::vector<Way>& ways) {
+  const auto known = std::find_if(ways.begin(), ways.end(), [&](const Way& w) { return w.name == text; });
+  if (known != ways.end()) return known - ways.begin();
+  std::vector<std::string> parts;
+  boost::split(parts, text, boost::is_any_of("+:"));
+  Way way;
+  if (parts.size() == 1) {
+    way = wayOf(text, a);
+  } else {
+    way.name = text;
+    if (text.find(':') != std::string::npos && parts.size() > 2)
+      throw std::runtime_error("--way " + text +
+                               ": two ways are in turn, as A:B, or any number fused, as A+B+C");
+    for (const std::string& part : parts) way.parts.push_back(addWay(part, a, ways));
+  }
+  ways.push_back(std::move(way));
+  return ways.size() - 1;
+}
+
 View imageView(const std::string& folder, std::size_t number, double yaw, double field_of_view) {
   std::vector<std::string> files;
   for (const auto& entry : fs::directory_iterator(folder))
@@ -136,7 +180,37 @@ View imageView(const std::string& folder, std::size_t number, double yaw, double
   return viewOf(image, yaw, field_of_view * M_PI / 180.0);
 }
 
-// 4.5.3, over all pairs of scans. Those that a way couldn't describe are never found.
+// Of all scans with all. Parts are in front of those that they are combined to.
+void compareAll(std::vector<Way>& ways, std::size_t scans, const Arguments& a) {
+  const auto size = static_cast<Eigen::Index>(scans);
+  for (Way& way : ways) {
+    SimilarityMatrix& all = way.similarities;
+    if (!way.parts.empty()) {
+      std::vector<SimilarityMatrix> parts;
+      for (const std::size_t part : way.parts) {
+        parts.push_back(ways[part].similarities);
+        way.seconds += ways[part].seconds;
+      }
+      const bool in_turn = way.name.find(':') != std::string::npos;
+      all = in_turn ? confirmed(parts[0], parts[1], a.first) : fused(parts);
+      continue;
+    }
+    all.setConstant(size, size, std::numeric_limits<float>::quiet_NaN());
+    for (std::size_t i = 0; i < way.scan.size(); ++i) {
+      const auto set = [&](std::size_t j, double value) {
+        all(way.scan[i], way.scan[j]) = all(way.scan[j], way.scan[i]) = static_cast<float>(value);
+      };
+      if (!way.recognizer) {
+        for (std::size_t j = 0; j < i; ++j)
+          set(j, way.description->similarity(static_cast<int>(i), static_cast<int>(j)));
+      } else if (way.recognitions[i].match >= 0) {
+        set(way.recognitions[i].match, confidence(way.recognitions[i], a.recognizer));
+      }
+    }
+  }
+}
+
+// 4.5.3, over all pairs of scans. Those that a way doesn't compare are never found.
 void evaluate(Way& way, const std::vector<Eigen::Vector3d>& positions, const Arguments& a, int number) {
   struct Pair {
     float similarity;
@@ -144,13 +218,14 @@ void evaluate(Way& way, const std::vector<Eigen::Vector3d>& positions, const Arg
   };
   std::vector<Pair> pairs;
   std::size_t all = 0, described = 0;
-  for (std::size_t i = 0; i < positions.size(); ++i)
-    for (std::size_t j = 0; j < i; ++j) all += (positions[i] - positions[j]).norm() < a.distance;
-  for (std::size_t i = 0; i < way.scan.size(); ++i) {
+  for (std::size_t i = 0; i < positions.size(); ++i) {
     for (std::size_t j = 0; j < i; ++j) {
-      const bool same = (positions[way.scan[i]] - positions[way.scan[j]]).norm() < a.distance;
+      const bool same = (positions[i] - positions[j]).norm() < a.distance;
+      all += same;
+      const float similarity = way.similarities(static_cast<int>(i), static_cast<int>(j));
+      if (std::isnan(similarity)) continue;
       described += same;
-      pairs.push_back({way.description->similarity(static_cast<int>(i), static_cast<int>(j)), same});
+      pairs.push_back({similarity, same});
     }
   }
   std::sort(pairs.begin(), pairs.end(),
@@ -176,6 +251,9 @@ void evaluate(Way& way, const std::vector<Eigen::Vector3d>& positions, const Arg
     out << "# " << way.name << '\n' << rows.str();
   });
   cv::imwrite(path.str() + ".png", drawPrecisionRecall(curve));
+  mapping_common::writeFile(path.str() + "_similarities.csv", [&](std::ostream& out) {
+    out << way.similarities.format({Eigen::StreamPrecision, Eigen::DontAlignCols, ",", "\n"}) << '\n';
+  });
 }
 
 std::string percent(double part) {
@@ -199,7 +277,11 @@ void compare(const std::string& claim, const Way& above, const Way& below, std::
 // Those that the ways tell.
 void writeClaims(const std::vector<Way>& ways, std::ostream& out) {
   std::map<std::string, const Way*> by;
-  for (const Way& w : ways) by[w.name] = &w;
+  for (const Way& w : ways) {
+    by[w.name] = &w;
+    for (const std::size_t part : w.parts)
+      compare(w.name + " above " + ways[part].name + " alone", w, ways[part], out);
+  }
   const auto check = [&](const std::string& claim, const std::string& above, const std::string& below) {
     if (by.count(above) && by.count(below)) compare(claim, *by[above], *by[below], out);
   };
@@ -219,7 +301,7 @@ void writeClaims(const std::vector<Way>& ways, std::ostream& out) {
 
 void run(const Arguments& a) {
   std::vector<Way> ways;
-  for (const std::string& text : a.ways) ways.push_back(wayOf(text, a));
+  for (const std::string& text : a.ways) addWay(text, a, ways);
   auto scans = rosbag_tests::openScans(a.scans, a.poses, rosbag_tests::PcdFrame::kMap, false);
   fs::create_directories(a.out);
   std::vector<Eigen::Vector3d> positions;
@@ -240,7 +322,10 @@ void run(const Arguments& a) {
                           return views;
                         }};
       try {
-        way.description->add(way.description->describe(scene));
+        if (way.recognizer)
+          way.recognitions.push_back(way.recognizer->process(scan.cloud));
+        else if (way.description)
+          way.description->add(way.description->describe(scene));
         way.scan.push_back(static_cast<int>(number));
       } catch (const std::invalid_argument& e) {
         std::cerr << '\n' << way.name << ", " << scan.name << ": " << e.what() << '\n';
@@ -249,6 +334,7 @@ void run(const Arguments& a) {
     }
   }
   std::cerr << '\n';
+  compareAll(ways, positions.size(), a);
   std::vector<std::vector<std::string>> table = {
       {"description", "recall at full precision, %", "precision at full recall, %", "ms a scan"}};
   for (std::size_t i = 0; i < ways.size(); ++i) {

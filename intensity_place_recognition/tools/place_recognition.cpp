@@ -7,6 +7,7 @@
 #include <rosbag_tests/converters/bag_scans.h>
 #include <rosbag_tests/converters/scan_files.h>
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <boost/program_options.hpp>
 #include <cmath>
@@ -15,6 +16,7 @@
 #include <iomanip>
 #include <iostream>
 #include <map>
+#include <numeric>
 #include <opencv2/imgcodecs.hpp>
 #include <sstream>
 
@@ -246,14 +248,6 @@ ibuild_loop_closure::GroundTruth truthOf(const std::vector<Scan>& scans, const A
   return truth;
 }
 
-// At least 1 where a place is accepted: how far the criterion that is met the least is above its threshold.
-double confidence(const Recognition& r, const PlaceRecognizerOptions& options) {
-  const RegistrationOptions& o = options.registration;
-  const auto part = [](double value, double least) { return least > 0.0 ? value / least : 1e3; };
-  return std::min({part(r.registration.score, o.min_score), part(r.registration.evidence, o.min_evidence),
-                   part(r.margin, options.min_margin), part(r.registration.intensity.pieces, o.min_pieces)});
-}
-
 void writePrecisionRecall(const std::vector<Recognition>& found, const std::vector<Scan>& scans,
                           const Arguments& a) {
   const ibuild_loop_closure::GroundTruth truth = truthOf(scans, a);
@@ -292,6 +286,50 @@ void writePrecisionRecall(const std::vector<Recognition>& found, const std::vect
             << "  greatest precision at greatest recall (" << 100.0 * curve.back().at.recall() << " %) "
             << 100.0 * full << " %\n";
   for (const std::string& pair : wrong) std::cout << "  wrong by the poses: " << pair << '\n';
+}
+
+// Errors of accepted pairs by the poses of one folder, and how large they are by their covariances.
+void writeErrors(const std::vector<Recognition>& found, const std::vector<Scan>& scans, const Arguments& a) {
+  std::ostringstream rows;
+  rows << "query,match,x,y,z,rx,ry,rz,sx,sy,sz,srx,sry,srz,squared\n" << std::setprecision(6);
+  std::vector<double> distances, squares;
+  Eigen::Matrix<double, 6, 1> sums = Eigen::Matrix<double, 6, 1>::Zero();
+  for (const Recognition& r : found) {
+    if (!r.registration.accepted) continue;
+    const Scan &query = scans[r.query], &match = scans[r.match];
+    if (!query.has_pose || !match.has_pose || query.folder != match.folder) continue;
+    // About the axes of the match, as the covariance is.
+    const Eigen::Isometry3d difference =
+        r.registration.pose * (match.pose.inverse() * query.pose).inverse(Eigen::Isometry);
+    const Eigen::AngleAxisd turn(difference.rotation());
+    Eigen::Matrix<double, 6, 1> error;
+    error << difference.translation(), turn.angle() * turn.axis();
+    const Eigen::Matrix<double, 6, 1> deviation = r.registration.covariance.diagonal().cwiseSqrt();
+    distances.push_back(
+        (r.registration.pose.translation() - (match.pose.inverse() * query.pose).translation()).norm());
+    squares.push_back(error.dot(r.registration.covariance.ldlt().solve(error)) / 6.0);
+    sums += error.cwiseQuotient(deviation).cwiseAbs2();
+    rows << r.query << ',' << r.match;
+    for (const double value : error) rows << ',' << value;
+    for (const double value : deviation) rows << ',' << value;
+    rows << ',' << squares.back() << '\n';
+  }
+  mapping_common::writeFile(a.out + "/errors.csv", [&](std::ostream& out) { out << rows.str(); });
+  if (squares.empty()) return;
+  const auto count = static_cast<double>(squares.size());
+  sums = (sums / count).cwiseSqrt();
+  const auto median = [](std::vector<double> all) {
+    std::nth_element(all.begin(), all.begin() + all.size() / 2, all.end());
+    return all[all.size() / 2];
+  };
+  std::cout << std::setprecision(4) << "Errors of " << squares.size()
+            << " accepted pairs by the poses: " << median(distances) << " m at the median, at most "
+            << *std::max_element(distances.begin(), distances.end()) << " m\n"
+            << std::setprecision(2)
+            << "  in standard deviations of x y z and about them, r.m.s.: " << sums.transpose()
+            << "\n  squared by the covariance, of each degree of freedom: "
+            << std::accumulate(squares.begin(), squares.end(), 0.0) / count << ", " << median(squares)
+            << " at the median, where 1 is right\n";
 }
 
 void writeTimes(const Times& times, const std::string& path) {
@@ -338,6 +376,7 @@ void run(const Arguments& a) {
   std::cout << recognizer.places() << " of " << scans.size() << " scans described, " << accepted
             << " recognised as earlier places\n";
   writePrecisionRecall(found, scans, a);
+  writeErrors(found, scans, a);
   writeTimes(times, a.out + "/times.csv");
   if (!a.save.empty()) recognizer.save(a.save);
 }

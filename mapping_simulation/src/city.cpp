@@ -293,7 +293,7 @@ std::vector<CityVisit> cityVisits(const CityOptions& options) {
       CityVisit v;
       v.place = place;
       v.visit = visit;
-      v.night = visit % 2 == 1;
+      v.night = !options.by_day && visit % 2 == 1;
       double yaw = random.between(-M_PI, M_PI);
       if (options.along) yaw = (yaw < 0.0 ? M_PI : 0.0) + random.between(-kAlong, kAlong);
       v.pose = poseOfPlace(options, place) * placed(distance * std::cos(direction), y, 0.0, yaw);

@@ -62,6 +62,18 @@ std::pair<double, double> alike(const std::vector<Hit>& a, const std::vector<Hit
   return {static_cast<double>(ranges) / a.size(), static_cast<double>(reflectivities) / a.size()};
 }
 
+TEST(City, VisitsAreByDayAloneWhereAskedFor) {
+  CityOptions options;
+  const std::vector<CityVisit> both = cityVisits(options);
+  options.by_day = true;
+  const std::vector<CityVisit> by_day = cityVisits(options);
+  ASSERT_EQ(both.size(), by_day.size());
+  for (std::size_t i = 0; i < both.size(); ++i) {
+    EXPECT_FALSE(by_day[i].night);
+    EXPECT_TRUE(both[i].pose.isApprox(by_day[i].pose)) << "the same visits otherwise";
+  }
+}
+
 TEST(City, VisitsEachPlaceByDayAndByNightInRandomOrder) {
   CityOptions options;
   const std::vector<CityVisit> visits = cityVisits(options);

@@ -59,6 +59,7 @@ bool parse(int argc, char** argv, Arguments& a) {
   add("seed", po::value(&c.seed)->default_value(c.seed), "of the city and of all noise");
   add("along", po::bool_switch(&c.along),
       "visits look along the road or back, within 10 degrees, as cars do, not anywhere");
+  add("by-day", po::bool_switch(&c.by_day), "all visits are by day");
   bool in_order = false;
   add("in-order", po::bool_switch(&in_order), "all places in turn, then all again");
   if (!mapping_common::parseArguments(argc, argv, kUsage, all)) return false;

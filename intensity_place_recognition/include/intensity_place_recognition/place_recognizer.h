@@ -49,6 +49,9 @@ struct Recognition {
   std::vector<Recognition> others;  ///< accepted at further places, where PlaceRecognizerOptions::matches > 1
 };
 
+/// At least 1 where a place is accepted: how far the criterion that is met the least is above its threshold.
+double confidence(const Recognition& recognition, const PlaceRecognizerOptions& options);
+
 enum class Stage { kPanorama, kDescription, kShape, kSearch, kVerification };
 constexpr int kStages = 5;
 const char* stageName(Stage stage);

@@ -19,6 +19,7 @@ struct CityOptions {
   std::uint32_t seed = 1;    ///< of all that is left to chance
   double occupancy = 0.5;    ///< of the parking lots, which are filled anew for each visit
   bool along = false;        ///< visits look along the road or back, within 10 degrees; false: anywhere
+  bool by_day = false;       ///< all visits, not every other one alone
   bool random_order = true;  ///< of the visits; false: all places by day, then all by night
 };
 
