@@ -100,6 +100,13 @@ Place PlaceFinder::find(const MultiMap& map, const Scan& scan, const SearchRegio
     why << "two places fit about as well, by " << best->score << " and " << place.rival;
   } else if (best->match.observable < 3 || best->pose != best->match.pose) {
     why << "the scan doesn't tell the whole pose";
+  } else {
+    // Once more without what the map doesn't know, which walls that end there draw to themselves.
+    const Match known = matcher_.match(map, scan, best->pose, false, true);
+    if (known.observable < 3 || !isNear(known.pose, best->pose, kReachDistance, kReachAngle))
+      why << "what the map knows of the scan doesn't tell the whole pose";
+    place.pose = known.pose;
+    place.covariance = known.covariance;
   }
   place.why = why.str();
   place.sure = place.why.empty();
