@@ -26,7 +26,8 @@ LAUNCH_FILES = [f for package in PACKAGES
 
 def load(launch_file, *args):
     """The launch file's configuration; arguments without a default get some value."""
-    required = [name + ':=/nowhere' for name, (_, default) in arguments(launch_file).items() if default is None]
+    required = [name + (':=localhost' if name.endswith('address') else ':=/nowhere')
+                for name, (_, default) in arguments(launch_file).items() if default is None]
     return roslaunch.config.load_config_default([(str(launch_file), required + list(args))], None)
 
 
@@ -59,7 +60,7 @@ class LaunchFilesTest(unittest.TestCase):
     def test_all_are_among_them(self):
         names = [f.name for f in LAUNCH_FILES]
         for name in ('hokuyo.launch', 'loop_closure.launch', 'mapping_bag.launch', 'pose_graph.launch', 'reflectivity.launch', 'robot.launch',
-                     'slam.launch', 'stop_scan_go.launch'):
+                     'slam.launch', 'stop_scan_go.launch', 'two_machines.launch'):
             self.assertIn(name, names)
 
     def test_each_argument_has_a_doc(self):
@@ -179,6 +180,27 @@ class LaunchFilesTest(unittest.TestCase):
             nodelets = [node for node in config.nodes if node.args.startswith('load ')]
             self.assertGreaterEqual(len(nodelets), 4)
             self.assertGreaterEqual(config.params['/manager/num_worker_threads'].value, len(nodelets))
+
+    def test_two_machines_share_the_work(self):
+        config = load(find('two_machines.launch'), 'base_address:=192.168.0.2', 'robot:=alice', 'calibration:=/nowhere.yaml',
+                      'place_recognition:=true')
+        machines = {node.name: node.machine_name for node in config.nodes}
+        self.assertEqual({'manager': None, 'hokuyo': None, 'reflectivity': None, 'slam': None, 'base_manager': 'base',
+                          'mapping': 'base', 'loop_closure': 'base', 'place_recognition': 'base', 'pose_graph': 'base'}, machines)
+        self.assertEqual('192.168.0.2', config.machines['base'].address)
+        nodes = {node.name: node for node in config.nodes}
+        for name, machine in machines.items():
+            self.assertEqual('/alice/', nodes[name].namespace)
+            manager = 'base_manager' if machine else 'manager'
+            if not name.endswith('manager'):
+                self.assertTrue(nodes[name].args.endswith(' ' + manager), name)
+        self.assertIn(['scan', 'scan_reflectivity'], nodes['slam'].remap_args)
+        self.assertIn(['scan', 'key_scans'], nodes['pose_graph'].remap_args)
+
+    def test_the_robot_without_a_manager(self):
+        config = load(find('robot.launch'), 'manager:=none', 'pose_graph:=true')
+        self.assertEqual({'standalone'}, {node.args.split()[0] for node in config.nodes if node.type == 'nodelet'})
+        self.assertIn(['scan', 'scan'], next(n for n in config.nodes if n.name == 'pose_graph').remap_args)
 
     def test_scans_of_unknown_poses(self):
         params = load(find('stop_scan_go.launch'), 'file:=/a.e57', 'scanner_frame:=zf').params

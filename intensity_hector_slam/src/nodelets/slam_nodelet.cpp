@@ -60,7 +60,7 @@ class SlamNodelet : public mapping_common::Nodelet {
   void report(const sensor_msgs::LaserScan& message, double time);
   void reportOdometry(bool there);
   void timeJumpedBack(const ros::Time& to);
-  void publishPose(const ros::Time& stamp, const Scan& scan);
+  void publishPose(const sensor_msgs::LaserScan& message, const Scan& scan);
   void publishLoops();
   void follow(const Edge& loop);
   void restart();
@@ -248,7 +248,7 @@ void SlamNodelet::process(const sensor_msgs::LaserScan& message, const Arrivals:
   const double time = (ros::WallTime::now() - start).toSec();
   publisher_->publishCloud(message, reading);
   if (!parameters_.map_with_known_poses) {
-    if (last_.status != Status::kEmpty && last_.status != Status::kRejected) publishPose(stamp, scan);
+    if (last_.status != Status::kEmpty && last_.status != Status::kRejected) publishPose(message, scan);
     const bool is_body = parameters_.odom_frame == parameters_.base_frame;
     publisher_->publishTransforms(stamp, last_.pose, is_body ? Pose::Zero() : body,
                                   is_body || arrivals_->queue().otherExists());
@@ -257,8 +257,9 @@ void SlamNodelet::process(const sensor_msgs::LaserScan& message, const Arrivals:
   report(message, time);
 }
 
-void SlamNodelet::publishPose(const ros::Time& stamp, const Scan& scan) {
-  const auto key = publisher_->publishPose(stamp, last_);
+void SlamNodelet::publishPose(const sensor_msgs::LaserScan& message, const Scan& scan) {
+  const auto key = publisher_->publishPose(message.header.stamp, last_);
+  if (key) publisher_->publishKeyScan(message);
   if (key && loops_) loops_->add(key->key, slam_->undistorted(scan), key->edge);
 }
 

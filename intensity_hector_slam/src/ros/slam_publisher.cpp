@@ -22,14 +22,15 @@ SlamPublisher::SlamPublisher(ros::NodeHandle& node, const SlamParameters& parame
   map_publisher_ = node.advertise<nav_msgs::OccupancyGrid>("map", 1, true);
   metadata_publisher_ = node.advertise<nav_msgs::MapMetaData>("map_metadata", 1, true);
   reflectivity_publisher_ = node.advertise<nav_msgs::OccupancyGrid>("reflectivity_map", 1, true);
-  pose_publisher_ = node.advertise<geometry_msgs::PoseStamped>("slam_out_pose", 10);
+  pose_publisher_ = node.advertise<geometry_msgs::PoseStamped>("slam_out_pose", 1000);
   update_publisher_ =
       node.advertise<geometry_msgs::PoseWithCovarianceStamped>(parameters_.pose_update_topic, 10);
   if (parameters_.pub_odometry)
     odometry_publisher_ = node.advertise<nav_msgs::Odometry>("scanmatch_odom", 50);
   path_publisher_ = node.advertise<nav_msgs::Path>("path", 1, true);
   cloud_publisher_ = node.advertise<sensor_msgs::PointCloud>("slam_cloud", 1);
-  edge_publisher_ = node.advertise<mapping_msgs::EdgeConstraint>("edges", 100);
+  edge_publisher_ = node.advertise<mapping_msgs::EdgeConstraint>("edges", 1000);
+  key_scan_publisher_ = node.advertise<sensor_msgs::LaserScan>("key_scans", 1000);
 }
 
 std::optional<SlamPublisher::NewKeyPose> SlamPublisher::publishPose(const ros::Time& stamp,
@@ -57,6 +58,10 @@ std::optional<SlamPublisher::NewKeyPose> SlamPublisher::publishPose(const ros::T
     odometry_publisher_.publish(odometry);
   }
   return publishKeyPose(stamp, result);
+}
+
+void SlamPublisher::publishKeyScan(const sensor_msgs::LaserScan& scan) {
+  key_scan_publisher_.publish(scan);
 }
 
 void SlamPublisher::publishEdge(const Edge& edge) {

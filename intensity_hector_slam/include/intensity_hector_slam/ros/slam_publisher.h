@@ -25,6 +25,8 @@ class SlamPublisher {
   /// The pose with its covariance, and the next key pose where it is one.
   std::optional<NewKeyPose> publishPose(const ros::Time& stamp, const SlamResult& result);
   void publishEdge(const Edge& edge);
+  /// The scan of a key pose, for who makes maps of these elsewhere.
+  void publishKeyScan(const sensor_msgs::LaserScan& scan);
   /// @param odometry pose of the body in the odometry's frame, if known
   /// @param odometry_exists false: there is no such frame, it is taken for that of the body; true, and
   ///   `odometry` isn't known: it stays where it was in the map
@@ -55,7 +57,8 @@ class SlamPublisher {
 
   tf2_ros::TransformBroadcaster broadcaster_;
   ros::Publisher map_publisher_, metadata_publisher_, reflectivity_publisher_, pose_publisher_,
-      update_publisher_, odometry_publisher_, path_publisher_, edge_publisher_, cloud_publisher_;
+      update_publisher_, odometry_publisher_, path_publisher_, edge_publisher_, key_scan_publisher_,
+      cloud_publisher_;
 };
 
 }  // namespace intensity_hector_slam
