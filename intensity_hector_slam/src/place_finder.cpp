@@ -11,12 +11,16 @@
 namespace intensity_hector_slam {
 namespace {
 
+constexpr double kSubmapAgreement = 0.6;
 constexpr int kCandidates = 4;
 constexpr double kLeastShare = 0.8;  // of the best score: on the grid it may differ by as much
 constexpr double kReachDistance = 0.3, kReachAngle = 0.15;  // m, rad: of a match, from the grid
 
 // Reflectivities of calibrated scans are within a few percent of those that the map has around.
 constexpr double kMaxDifference = 0.03;
+
+// Of a beam on the fine level, in cells: how far what it ends on may be, and how far what it passes.
+constexpr int kNear = 1, kBeside = 2, kPassed = 10;
 
 bool isNear(const Pose& a, const Pose& b, double distance, double angle) {
   return (a - b).head<2>().norm() <= distance && std::abs(wrapAngle(a.z() - b.z())) <= angle;
@@ -29,13 +33,49 @@ const GridMap& levelFor(const MultiMap& map, double cell) {
   return map.level(level);
 }
 
+// What the map says of a beam that ends at a point: 1 where something is near; 0 where that isn't known, or
+// something is beside; -1 where it is free. Passing through something, long before its end, takes 1 from it.
+int agreement(const GridMap& map, const Eigen::Vector2d& from, const Eigen::Vector2d& to) {
+  const double cell = map.resolution(), length = (to - from).norm();
+  int occupied = 0;  // cells that it passes: a single one may be at a wall's corner
+  for (double done = kBeside * cell; done < length - kPassed * cell && occupied < 2; done += cell) {
+    const GridMap::Cell* here = map.find(from + (to - from) * (done / length));
+    occupied += here != nullptr && GridMap::isOccupied(*here);
+  }
+  int nearest = kBeside + 1;
+  bool free = false;
+  for (int y = -kBeside; y <= kBeside; ++y) {
+    for (int x = -kBeside; x <= kBeside; ++x) {
+      const GridMap::Cell* there = map.find(to + cell * Eigen::Vector2d(x, y));
+      if (there == nullptr) continue;
+      free = free || GridMap::isFree(*there);
+      if (GridMap::isOccupied(*there)) nearest = std::min(nearest, std::max(std::abs(x), std::abs(y)));
+    }
+  }
+  return (nearest <= kNear ? 1 : nearest > kBeside && free ? -1 : 0) - (occupied >= 2 ? 1 : 0);
+}
+
+// Of all beams, on the average.
+double agreement(const GridMap& map, const Scan& scan, const Pose& pose) {
+  const Eigen::Isometry2d to_map = isometry(pose);
+  const Eigen::Vector2d from = to_map * scan.origin.cast<double>();
+  double sum = 0.0;
+  for (const Eigen::Vector2f& point : scan.points) sum += agreement(map, from, to_map * point.cast<double>());
+  return scan.points.empty() ? 0.0 : sum / scan.points.size();
+}
+
 struct Candidate {
   Pose pose;
   Match match;
-  double score, crossing, difference;
+  double score, difference;
 };
 
 }  // namespace
+
+SearchOptions inSubmap(SearchOptions options) {
+  options.min_agreement = std::min(options.min_agreement, kSubmapAgreement);
+  return options;
+}
 
 PlaceFinder::PlaceFinder(const SearchOptions& options, const MatcherOptions& matcher)
     : options_(mapping_common::validate(options)),
@@ -66,14 +106,16 @@ bool PlaceFinder::fits(const MultiMap& map, const Scan& scan, const Pose& pose) 
 Place PlaceFinder::find(const MultiMap& map, const Scan& scan, const SearchRegion& region) {
   prepare(map, scan, region);
   Place place;
+  const GridMap& fine = levelFor(map, 0.5 * options_.cell);
   std::vector<Candidate> candidates;
   for (const ScanSearch::Optimum& optimum : search_->optima(scan, region, kLeastShare, kCandidates)) {
-    Candidate candidate{optimum.pose, matcher_.match(map, scan, optimum.pose), 0.0, 0.0, 0.0};
+    Candidate candidate{optimum.pose, matcher_.match(map, scan, optimum.pose), 0.0, 0.0};
     if (isNear(candidate.match.pose, optimum.pose, kReachDistance, kReachAngle))
       candidate.pose = candidate.match.pose;
-    candidate.crossing = search_->crossing(scan, candidate.pose);
     candidate.difference = search_->difference(scan, candidate.pose);
-    candidate.score = search_->score(scan, candidate.pose) - candidate.crossing;
+    candidate.score =
+        agreement(fine, scan, candidate.pose) -
+        options_.reflectivity_share * std::min(1.0, candidate.difference / options_.reflectivity_scale);
     candidates.push_back(candidate);
   }
   if (candidates.empty()) {
@@ -90,10 +132,11 @@ Place PlaceFinder::find(const MultiMap& map, const Scan& scan, const SearchRegio
     place.rival = std::max(place.rival, other.score);
   }
   std::ostringstream why;
-  if (best->score < options_.min_score) {
+  const int apart = pointsApart(scan, options_.cell).size();
+  if (apart < options_.min_points) {
+    why << "the scan shows too little, " << apart << " points";
+  } else if (best->score < options_.min_agreement) {
     why << "the best place fits by " << best->score << " only";
-  } else if (best->crossing > options_.max_crossing) {
-    why << 100.0 * best->crossing << " % of the beams cross what is occupied";
   } else if (best->difference > kMaxDifference) {
     why << "reflectivities differ from the map's by " << best->difference << " on the average";
   } else if (best->score - place.rival < options_.min_lead) {

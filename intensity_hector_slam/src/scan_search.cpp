@@ -123,11 +123,18 @@ std::int32_t ScanSearch::pointScore(const Bound& bound, int reflectivity) const 
   return bound.occupied * factors_[difference];
 }
 
-std::int32_t ScanSearch::bound(int level, const Turned& turned, const Eigen::Vector2i& at) const {
+std::int32_t ScanSearch::bound(int level, const Turned& turned, const Eigen::Vector2i& at,
+                               std::int32_t least) const {
+  constexpr std::size_t kBlock = 16;
+  const std::size_t count = turned.ends.size();
   std::int32_t sum = 0;
-  for (std::size_t i = 0; i < turned.ends.size(); ++i) {
-    sum += pointScore(this->at(level, at.x() + turned.ends[i].x(), at.y() + turned.ends[i].y()),
-                      turned.reflectivities[i]);
+  for (std::size_t first = 0; first < count; first += kBlock) {
+    const std::size_t end = std::min(first + kBlock, count);
+    for (std::size_t i = first; i < end; ++i) {
+      sum += pointScore(this->at(level, at.x() + turned.ends[i].x(), at.y() + turned.ends[i].y()),
+                        turned.reflectivities[i]);
+    }
+    if (sum + kFull * static_cast<std::int32_t>(count - end) <= least) return least;
   }
   return sum;
 }
@@ -136,16 +143,25 @@ bool ScanSearch::mayStand(int level, const Eigen::Vector2i& at) const {
   return this->at(level, at.x(), at.y()).free != 0;
 }
 
-// Neighbouring points nearer than a cell count once, as what is near has the most beams; then every n-th.
-std::vector<Eigen::Vector2f> ScanSearch::thinned(const Scan& scan, std::vector<int>& reflectivities) const {
+std::vector<std::size_t> pointsApart(const Scan& scan, double distance) {
   std::vector<std::size_t> kept;
   for (std::size_t i = 0; i < scan.points.size(); ++i) {
-    if (kept.empty() || (scan.points[i] - scan.points[kept.back()]).norm() >= cell_) kept.push_back(i);
+    if (kept.empty() || (scan.points[i] - scan.points[kept.back()]).norm() >= distance) kept.push_back(i);
   }
+  return kept;
+}
+
+// Neighbouring points nearer than a cell count once, as what is near has the most beams; then every n-th. The
+// first of them are spread over all of the scan: what doesn't fit shows early.
+std::vector<Eigen::Vector2f> ScanSearch::thinned(const Scan& scan, std::vector<int>& reflectivities) const {
+  const std::vector<std::size_t> kept = pointsApart(scan, cell_);
   const std::size_t points = options_.points, n = std::min(kept.size(), points);
   std::vector<Eigen::Vector2f> result;
+  constexpr double kGoldenSection = 0.618;
+  std::size_t step = std::max<std::size_t>(1, std::lround(kGoldenSection * n));
+  while (std::gcd(step, n) > 1) ++step;
   for (std::size_t i = 0; i < n; ++i) {
-    const std::size_t k = kept[i * kept.size() / n];
+    const std::size_t k = kept[i * step % n * kept.size() / n];
     result.push_back(scan.points[k] - scan.origin);
     reflectivities.push_back(scan.reflectivities.empty() ? kUnknown : quantized(scan.reflectivities[k]));
   }
@@ -219,7 +235,7 @@ void ScanSearch::descend(const Scan& scan, const std::vector<Turned>& turned, st
       const Eigen::Vector2i at = window.at + Eigen::Vector2i(dx, dy);
       const Eigen::Vector2i last = at + Eigen::Vector2i::Constant(step - 1);
       if (!box.intersects(Eigen::AlignedBox2i(at, last)) || !mayStand(level, at)) continue;
-      const std::int32_t here = bound(level, turn, at);
+      const std::int32_t here = bound(level, turn, at, best_score);
       if (here > best_score) windows.push_back({here, window.turn, level, at});
     }
     std::sort(windows.begin() + first, windows.end(),
@@ -245,7 +261,7 @@ std::vector<ScanSearch::Optimum> ScanSearch::optima(const Scan& scan, const Sear
     for (int x = box.min().x(); x <= box.max().x(); x += step) {
       if (!mayStand(level, {x, y})) continue;
       for (std::size_t i = 0; i < turned.size(); ++i) {
-        const std::int32_t here = bound(level, turned[i], {x, y});
+        const std::int32_t here = bound(level, turned[i], {x, y}, min_score);
         if (here > min_score) windows.push_back({here, static_cast<int>(i), level, {x, y}});
       }
     }
@@ -272,7 +288,7 @@ ScanSearch::Optimum ScanSearch::bestOfAll(const Scan& scan, const SearchRegion& 
     for (int y = box.min().y(); y <= box.max().y(); ++y) {
       for (int x = box.min().x(); x <= box.max().x(); ++x) {
         if (!mayStand(0, {x, y})) continue;
-        const double score = bound(0, turned, {x, y}) / (static_cast<double>(kFull) * turned.ends.size());
+        const double score = bound(0, turned, {x, y}, -1) / (static_cast<double>(kFull) * turned.ends.size());
         if (score > best.score) best = {poseOf(turned, {x, y}, scan), score};
       }
     }
@@ -309,23 +325,6 @@ double ScanSearch::difference(const Scan& scan, const Pose& pose) const {
     ++known;
   }
   return known > 0 ? sum / known : 0.0;
-}
-
-double ScanSearch::crossing(const Scan& scan, const Pose& pose) const {
-  const Eigen::Isometry2d to_map = isometry(pose);
-  const Eigen::Array2d from = (to_map * scan.origin.cast<double>() - origin_).array() / cell_;
-  std::size_t crossing = 0;
-  for (const Eigen::Vector2f& point : scan.points) {
-    const Eigen::Array2d to = (to_map * point.cast<double>() - origin_).array() / cell_;
-    const double length = (to - from).matrix().norm();
-    for (double done = 1.0; done < length - 2.0; done += 1.0) {
-      const Eigen::Array2i here = (from + (to - from) * (done / length)).floor().cast<int>();
-      if (at(0, here.x(), here.y()).occupied < 2) continue;
-      ++crossing;
-      break;
-    }
-  }
-  return scan.points.empty() ? 0.0 : static_cast<double>(crossing) / scan.points.size();
 }
 
 }  // namespace intensity_hector_slam

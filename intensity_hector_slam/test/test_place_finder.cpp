@@ -89,6 +89,52 @@ TEST(PlaceFinder, TakesNoRoomForAnotherThatReflectsOtherwise) {
   EXPECT_EQ(0, seek("combined", false).wrong);
 }
 
+// Most beams pass close by the walls for metres.
+TEST(PlaceFinder, FindsScansAlongWalls) {
+  std::vector<Wall> walls = box({-9, -0.9}, {9, 0.9});
+  for (const double x : {-8.0, -5.5, -4.7, 0.6, 2.9, 6.6}) {
+    const std::vector<Wall> locker = box({x, 0.5}, {x + 0.5, 0.9});
+    walls.insert(walls.end(), locker.begin(), locker.end());
+  }
+  MapOptions options;
+  options.resolution = 0.05;
+  MultiMap map(options);
+  for (int i = 0; i <= 32; ++i) {
+    const Pose pose(-8.0 + 0.5 * i, -0.2, i % 2 == 0 ? 0.0 : M_PI);
+    map.update(look(walls, pose, scanner(), i), pose);
+  }
+  PlaceFinder finder;
+  int sure = 0;
+  for (int i = 0; i < 12; ++i) {
+    const Pose pose(-6.6 + 1.1 * i, -0.3 + 0.02 * i, 0.3 * (i % 3 - 1) + (i % 2) * M_PI);
+    const Place place = finder.find(map, look(walls, pose, scanner(), 500 + i));
+    const Pose error = between(pose, place.pose);
+    EXPECT_TRUE(!place.sure || error.head<2>().norm() < 0.1) << i << ": " << error.transpose();
+    sure += place.sure;
+  }
+  EXPECT_GE(sure, 10);
+}
+
+// A map knows nothing of rooms that it doesn't have, though some of their corners are like its own.
+TEST(PlaceFinder, TakesNoOtherRoomForOneInTheMap) {
+  const MultiMap map = mapOf(furnishedRoom());
+  PlaceFinder finder;
+  for (unsigned seed = 1; seed <= 10; ++seed) {
+    const Place place = finder.find(map, look(roomOf(seed), {0.3, -0.2 * seed, 0.6 * seed}, scanner(), seed));
+    EXPECT_FALSE(place.sure) << seed << ": " << place.score;
+  }
+}
+
+TEST(PlaceFinder, IsNotSureOfACornerAlone) {
+  const MultiMap map = mapOf(roomOf(1));
+  Scanner narrow = scanner();
+  narrow.angle_min = -0.3;
+  narrow.angle_max = 0.3;
+  const Place place = PlaceFinder().find(map, look(roomOf(1), {0.5, 0.0, 0.8}, narrow));
+  EXPECT_FALSE(place.sure);
+  EXPECT_NE(std::string::npos, place.why.find("too little")) << place.why;
+}
+
 TEST(PlaceFinder, SaysWhyItIsNotSure) {
   PlaceFinder finder;
   const Scan scan = look(roomOf(1), Pose::Zero(), scanner());

@@ -6,6 +6,7 @@
 #include <intensity_hector_slam/ros/parameters.h>
 #include <mapping_common/tool.h>
 
+#include <algorithm>
 #include <boost/program_options.hpp>
 #include <chrono>
 #include <fstream>
@@ -32,6 +33,7 @@ struct Arguments {
   std::string config;
   int count = 200;
   unsigned seed = 1;
+  double share = 1.0;
   bool verbose = false;
 };
 
@@ -45,6 +47,10 @@ bool parse(int argc, char** argv, Arguments& a) {
   add("config", po::value(&a.config), "YAML file with the nodelet's parameters");
   add("count", po::value(&a.count)->default_value(a.count), "of scans that are sought");
   add("seed", po::value(&a.seed)->default_value(a.seed), "of the choice of scans");
+  add("share", po::value(&a.share)->default_value(a.share),
+      "of the recording that the map is made of, from its beginning; the scans that are sought come from the "
+      "rest, if "
+      "there is one: many of them are nowhere in the map");
   add("verbose", po::bool_switch(&a.verbose), "print each");
   return mapping_common::parseArguments(argc, argv, kUsage, all).has_value();
 }
@@ -61,16 +67,23 @@ void run(const Arguments& a) {
     const Status status = result.entries[i].result.status;
     if (status == Status::kMatched || status == Status::kUnobservable) usable.push_back(i);
   }
+  // Where scans go into a map, it is made anew of the first.
+  MultiMap first(parameters.slam.map);
+  const auto last = static_cast<std::size_t>(a.share * scans.size());
+  for (std::size_t i = 0; i < last; ++i)
+    if (result.entries[i].result.map_updated) first.update(scans[i], result.entries[i].result.pose);
+  const MultiMap& map = a.share < 1.0 ? first : result.map;
+  if (a.share < 1.0) usable.erase(usable.begin(), std::lower_bound(usable.begin(), usable.end(), last));
   if (usable.empty()) throw std::runtime_error("not one scan was matched");
   PlaceFinder finder(parameters.slam.place, parameters.slam.matcher);
-  finder.find(result.map, scans[usable.front()]);  // prepares the map
+  finder.find(map, scans[usable.front()]);  // prepares the map
   std::mt19937 random(a.seed);
   int right = 0, wrong = 0, unsure = 0, best_right = 0;
   double seconds = 0.0, longest = 0.0;
   for (int i = 0; i < a.count; ++i) {
     const std::size_t k = usable[random() % usable.size()];
     const auto start = std::chrono::steady_clock::now();
-    const Place place = finder.find(result.map, scans[k]);
+    const Place place = finder.find(map, scans[k]);
     const std::chrono::duration<double> time = std::chrono::steady_clock::now() - start;
     seconds += time.count();
     longest = std::max(longest, time.count());

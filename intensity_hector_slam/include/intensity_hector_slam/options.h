@@ -259,33 +259,39 @@ struct MatcherOptions {
 /// Of the search of a scan in all of the map, or a large part of it.
 struct SearchOptions {
   double cell = 0.1;
-  int points = 150;
+  int points = 150, min_points = 40;
   double reflectivity_share = 0.6, reflectivity_scale = 0.3;
-  double min_score = 0.6, min_lead = 0.1;
+  double min_score = 0.6, min_agreement = 0.82, min_lead = 0.06;
   double apart_distance = 0.7, apart_angle = 0.35;
-  double max_crossing = 0.15;
 
   void describe(mapping_common::OptionList& o) {
     o("place_search_cell", cell, "m",
       "the coarsest level whose cells aren't larger is searched: finer takes more time")
         .within(0.001, 10.0);
     o("place_search_points", points, "", "of the scan, evenly spread").within(3, 1e6);
+    o("place_min_points", min_points, "",
+      "that a scan has at least, place_search_cell apart: a corner or a wall alone is in many places")
+        .within(0, 1e6);
     o("place_reflectivity_share", reflectivity_share, "",
       "of a point's score, that a difference of place_reflectivity_scale or more from the map's takes")
         .within(0.0, 1.0);
     o("place_reflectivity_scale", reflectivity_scale, "", "see place_reflectivity_share")
         .within(0.001, 1000.0);
     o("place_min_score", min_score, "",
-      "mean over the points, 1 for those on what is occupied, half beside: a place has this at least")
+      "mean over the points, 1 for those on what is occupied, half beside: poses on the grid with less "
+      "aren't "
+      "looked at")
+        .within(0.0, 1.0);
+    o("place_min_agreement", min_agreement, "",
+      "share of the beams that end on what is occupied, less that of those that end where it is free or "
+      "cross "
+      "what is occupied, less for reflectivities as above: a place has this at least")
         .within(0.0, 1.0);
     o("place_min_lead", min_lead, "",
-      "by which the score of a place must be above that of any other; with less it is ambiguous")
+      "by which the agreement of a place must be above that of any other; with less it is ambiguous")
         .within(0.0, 1.0);
     o("place_apart_distance", apart_distance, "m", "places this far from each other are two").atLeast(0.0);
     o("place_apart_angle", apart_angle, "rad", "or turned by this").within(0.0, 3.15);
-    o("place_max_crossing", max_crossing, "",
-      "share of the beams that cross what is occupied: more is no place")
-        .within(0.0, 1.0);
   }
 };
 

@@ -15,14 +15,20 @@ namespace intensity_hector_slam {
 struct Place {
   Pose pose = Pose::Zero();                              ///< map frame
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< of x, y, theta: m^2, m rad, rad^2
-  double score = 0.0;  ///< of ScanSearch, less the share of beams that cross what is occupied
+  /// Share of the beams that end on what is occupied, less that of those that end where it is free or cross
+  /// what is occupied, and less by the difference of the reflectivities: -3 to 1.
+  double score = 0.0;
   double rival = 0.0;  ///< the same of the best place apart from it; 0: none comes near
   bool sure = false;
   std::string why;  ///< it isn't sure
 };
 
-/// Finds places in a map: by a search for the best poses, which are then matched and compared. A place is
-/// sure where nothing crosses what its beams saw, and no other place fits about as well.
+/// Options for a map of a few scans, which shows a part of what another scan sees.
+SearchOptions inSubmap(SearchOptions options);
+
+/// Finds places in a map: by a search for the best poses, which are then matched, and compared beam by beam
+/// on a finer level. A place is sure where nearly all beams agree with the map, and no other fits about as
+/// well.
 class PlaceFinder {
  public:
   explicit PlaceFinder(const SearchOptions& options = {}, const MatcherOptions& matcher = {});

@@ -23,6 +23,10 @@ struct SearchRegion {
   static SearchRegion around(const Pose& pose, double distance, double half_range);
 };
 
+/// Numbers of a scan's points, without those nearer than a distance (m) to the last before them: what is near
+/// has the most beams, and tells no more than what is far.
+std::vector<std::size_t> pointsApart(const Scan& scan, double distance);
+
 /// Finds where a scan fits to a map, over all poses on a grid: exactly, by branch and bound on a pyramid of
 /// the map (Olson, "Real-time correlative scan matching", ICRA 2009; Hess et al., "Real-time loop closure in
 /// 2D LIDAR SLAM", ICRA 2016), here on the reflectivity, too.
@@ -53,8 +57,6 @@ class ScanSearch {
   double score(const Scan& scan, const Pose& pose) const;
   /// Mean difference of the points' reflectivities from those of the map around; 0 where none is known.
   double difference(const Scan& scan, const Pose& pose) const;
-  /// Share of the beams that cross something occupied, two cells or more before their end.
-  double crossing(const Scan& scan, const Pose& pose) const;
 
   /// All poses that `optima` looks at, one by one: what it must find. Slow.
   Optimum bestOfAll(const Scan& scan, const SearchRegion& region) const;
@@ -71,7 +73,8 @@ class ScanSearch {
   class Level;
 
   std::vector<Turned> turn(const Scan& scan, const SearchRegion& region) const;
-  std::int32_t bound(int level, const Turned& turned, const Eigen::Vector2i& at) const;
+  // Of the scores in a window; or `least`, where they aren't above that.
+  std::int32_t bound(int level, const Turned& turned, const Eigen::Vector2i& at, std::int32_t least) const;
   bool mayStand(int level, const Eigen::Vector2i& at) const;
   const Bound& at(int level, int x, int y) const;
   Eigen::AlignedBox2i cellsOf(const SearchRegion& region) const;
