@@ -6,10 +6,19 @@
 #include <cmath>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 #include "pose_covariance.h"
 
 namespace intensity_hector_slam {
+namespace {
+
+// While the body turns quickly, poses are less exact than their match tells, as the velocity changes within a
+// sweep: key poses wait for it to end, as long as scans still have much in common.
+constexpr double kQuickTurn = 1.5;                            // rad/s
+constexpr double kLongestDistance = 2.0, kLongestTurn = 3.0;  // of the distance and angle between key poses
+
+}  // namespace
 
 Pose correctionOf(const Edge& loop) {
   return compose(compose(loop.from.pose, loop.transform), between(loop.to.pose, Pose::Zero()));
@@ -40,10 +49,19 @@ KeyPoses::KeyPoses(double distance, double angle, const Drift& drift)
 
 std::optional<Edge> KeyPoses::add(double stamp, const SlamResult& result) {
   if (result.status == Status::kRejected || result.status == Status::kEmpty) return {};
+  const std::optional<KeyPose> previous = std::exchange(previous_, KeyPose{next_id_, stamp, result.pose});
   std::optional<Edge> edge;
   if (last_) {
     const Pose transform = between(last_->pose, result.pose);
-    if (transform.head<2>().norm() < distance_ && std::abs(transform.z()) < angle_) return {};
+    const auto isWithin = [&transform, this](double distances, double angles) {
+      return transform.head<2>().norm() < distances * distance_ && std::abs(transform.z()) < angles * angle_;
+    };
+    if (isWithin(1.0, 1.0)) return {};
+    const double turn_rate =
+        previous && stamp > previous->stamp
+            ? std::abs(between(previous->pose, result.pose).z()) / (stamp - previous->stamp)
+            : 0.0;
+    if (turn_rate > kQuickTurn && isWithin(kLongestDistance, kLongestTurn)) return {};
     // Both poses were matched against the map, each with an error of its own.
     Eigen::Matrix3d covariance =
         covarianceBetween(last_->pose, last_covariance_, result.pose, result.covariance);
@@ -59,6 +77,7 @@ std::optional<Edge> KeyPoses::add(double stamp, const SlamResult& result) {
 }
 
 void KeyPoses::correct(const Pose& correction) {
+  if (previous_) previous_->pose = compose(correction, previous_->pose);
   if (!last_) return;
   last_->pose = compose(correction, last_->pose);
   Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();

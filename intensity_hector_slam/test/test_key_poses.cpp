@@ -29,6 +29,23 @@ TEST(KeyPoses, AreApart) {
   EXPECT_TRUE(key_poses.add(4.0, at({0.6, 0.0, -0.2})));
 }
 
+TEST(KeyPoses, WaitForTheEndOfAQuickTurn) {
+  KeyPoses key_poses(0.5, 0.5);
+  key_poses.add(0.0, at(Pose::Zero()));
+  double yaw = 0.0;
+  int quick = 1;
+  for (; yaw < 1.0; ++quick, yaw += 0.1)  // 4 rad/s
+    EXPECT_FALSE(key_poses.add(0.025 * quick, at({0.0, 0.0, yaw}))) << yaw;
+  const auto slow = key_poses.add(0.025 * quick, at({0.0, 0.0, yaw - 0.09}));
+  ASSERT_TRUE(slow);
+  EXPECT_NEAR(yaw - 0.09, slow->transform.z(), 1e-9);
+  // A body that turns on is seen again before the scans have too little in common.
+  int edges = 0;
+  for (int i = 1; i <= 40; ++i)
+    edges += key_poses.add(0.025 * (quick + i), at({0.0, 0.0, yaw - 0.09 + 0.1 * i})).has_value();
+  EXPECT_EQ(2, edges);
+}
+
 TEST(KeyPoses, EdgesAreInTheFrameOfTheEarlierPose) {
   KeyPoses key_poses;
   key_poses.add(1.0, at({1.0, 1.0, M_PI / 2.0}));

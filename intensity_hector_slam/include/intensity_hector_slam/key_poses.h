@@ -50,12 +50,16 @@ class KeyPoses {
   /// @throws std::invalid_argument that names the option, its value and what is allowed
   explicit KeyPoses(double distance = 0.5, double angle = 0.5, const Drift& drift = {});
 
+  /// A pose amid a quick turn is no key pose, unless the last is far away.
   /// @return the edge that a pose makes, where it is a key pose but for the first
   std::optional<Edge> add(double stamp, const SlamResult& result);
   /// The last key pose; none where the chain is broken.
   const std::optional<KeyPose>& last() const { return last_; }
   /// The next pose is the first of a new chain; it isn't connected to the last.
-  void breakChain() { last_.reset(); }
+  void breakChain() {
+    last_.reset();
+    previous_.reset();
+  }
   /// The poses to come are in another map, which `correction` moves the last one to.
   void correct(const Pose& correction);
 
@@ -63,7 +67,7 @@ class KeyPoses {
   double distance_, angle_;
   Drift drift_;
   std::uint32_t next_id_ = 0;
-  std::optional<KeyPose> last_;
+  std::optional<KeyPose> last_, previous_;  // the latter: of whatever pose came before
   Eigen::Matrix3d last_covariance_ = Eigen::Matrix3d::Zero();
 };
 
