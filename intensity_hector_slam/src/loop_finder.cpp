@@ -181,10 +181,8 @@ LoopFinder::Submap& LoopFinder::submapAt(std::size_t anchor) {
     submaps_.splice(submaps_.begin(), submaps_, kept);
     return submaps_.front();
   }
-  submaps_.push_front({anchor,
-                       MultiMap(map_options_),
-                       {{anchor, Pose::Zero()}},
-                       PlaceFinder(inSubmap(slam_.place), slam_.matcher)});
+  submaps_.push_front(
+      {anchor, MultiMap(map_options_), {{anchor, Pose::Zero()}}, PlaceFinder(slam_.place, slam_.matcher)});
   Submap& submap = submaps_.front();
   const auto near = [&](std::size_t i) {
     return std::abs(nodes_[i].travelled - nodes_[anchor].travelled) <= 0.5 * options_.submap_length;

@@ -11,7 +11,6 @@
 namespace intensity_hector_slam {
 namespace {
 
-constexpr double kSubmapAgreement = 0.6;
 constexpr int kCandidates = 4;
 constexpr double kLeastShare = 0.8;  // of the best score: on the grid it may differ by as much
 constexpr double kReachDistance = 0.3, kReachAngle = 0.15;  // m, rad: of a match, from the grid
@@ -72,11 +71,6 @@ struct Candidate {
 
 }  // namespace
 
-SearchOptions inSubmap(SearchOptions options) {
-  options.min_agreement = std::min(options.min_agreement, kSubmapAgreement);
-  return options;
-}
-
 PlaceFinder::PlaceFinder(const SearchOptions& options, const MatcherOptions& matcher)
     : options_(mapping_common::validate(options)),
       matcher_(matcher),
@@ -135,7 +129,7 @@ Place PlaceFinder::find(const MultiMap& map, const Scan& scan, const SearchRegio
   const int apart = pointsApart(scan, options_.cell).size();
   if (apart < options_.min_points) {
     why << "the scan shows too little, " << apart << " points";
-  } else if (best->score < options_.min_agreement) {
+  } else if (best->score < (region.isEverywhere() ? options_.min_agreement : options_.min_agreement_around)) {
     why << "the best place fits by " << best->score << " only";
   } else if (best->difference > kMaxDifference) {
     why << "reflectivities differ from the map's by " << best->difference << " on the average";

@@ -41,7 +41,6 @@ ScanMatch matchOneWay(const Session& session, const Graph& graph, std::int64_t f
   slam::SlamOptions of_map = options;
   of_map.update_distance = of_map.update_angle = of_map.update_period = 0.0;
   of_map.localization = false;
-  of_map.place = slam::inSubmap(options.place);
   slam::Slam map(of_map);
   const auto reach = static_cast<std::size_t>(appearance.scans) / 2;
   const std::size_t first = *from_node - std::min(*from_node, reach),

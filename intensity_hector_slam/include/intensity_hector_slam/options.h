@@ -261,7 +261,7 @@ struct SearchOptions {
   double cell = 0.1;
   int points = 150, min_points = 40;
   double reflectivity_share = 0.6, reflectivity_scale = 0.3;
-  double min_score = 0.6, min_agreement = 0.82, min_lead = 0.06;
+  double min_score = 0.6, min_agreement = 0.82, min_agreement_around = 0.6, min_lead = 0.06;
   double apart_distance = 0.7, apart_angle = 0.35;
 
   void describe(mapping_common::OptionList& o) {
@@ -279,13 +279,15 @@ struct SearchOptions {
         .within(0.001, 1000.0);
     o("place_min_score", min_score, "",
       "mean over the points, 1 for those on what is occupied, half beside: poses on the grid with less "
-      "aren't "
-      "looked at")
+      "aren't looked at")
         .within(0.0, 1.0);
     o("place_min_agreement", min_agreement, "",
       "share of the beams that end on what is occupied, less that of those that end where it is free or "
-      "cross "
-      "what is occupied, less for reflectivities as above: a place has this at least")
+      "cross what is occupied, less for reflectivities as above: a place has this at least")
+        .within(0.0, 1.0);
+    o("place_min_agreement_around", min_agreement_around, "",
+      "the same where a place is sought around a pose, as of loops and after a rejected scan: the map may "
+      "lack a part of what the scan sees")
         .within(0.0, 1.0);
     o("place_min_lead", min_lead, "",
       "by which the agreement of a place must be above that of any other; with less it is ambiguous")

@@ -23,9 +23,6 @@ struct Place {
   std::string why;  ///< it isn't sure
 };
 
-/// Options for a map of a few scans, which shows a part of what another scan sees.
-SearchOptions inSubmap(SearchOptions options);
-
 /// Finds places in a map: by a search for the best poses, which are then matched, and compared beam by beam
 /// on a finer level. A place is sure where nearly all beams agree with the map, and no other fits about as
 /// well.

@@ -21,6 +21,7 @@ struct SearchRegion {
   double angle = 0.0, half_range = M_PI;  ///< rad: angle +- half_range
 
   static SearchRegion around(const Pose& pose, double distance, double half_range);
+  bool isEverywhere() const { return box.contains(SearchRegion().box); }
 };
 
 /// Numbers of a scan's points, without those nearer than a distance (m) to the last before them: what is near
