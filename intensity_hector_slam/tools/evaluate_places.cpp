@@ -48,9 +48,8 @@ bool parse(int argc, char** argv, Arguments& a) {
   add("count", po::value(&a.count)->default_value(a.count), "of scans that are sought");
   add("seed", po::value(&a.seed)->default_value(a.seed), "of the choice of scans");
   add("share", po::value(&a.share)->default_value(a.share),
-      "of the recording that the map is made of, from its beginning; the scans that are sought come from the "
-      "rest, if "
-      "there is one: many of them are nowhere in the map");
+      "of the recording that the map is made of, from its beginning; with less than 1 the scans that are "
+      "sought come from the rest, and many of them are nowhere in the map");
   add("verbose", po::bool_switch(&a.verbose), "print each");
   return mapping_common::parseArguments(argc, argv, kUsage, all).has_value();
 }
