@@ -293,6 +293,7 @@ class LoopClosureFuzz : public LoopClosure {
         }
       }
     });
+    expectDiagnostic("Input", "Images (Hz)", "0.0");
     expectDiagnostic("Nodelet", "Callbacks that failed", "0");
     std_srvs::Empty empty;
     ASSERT_TRUE(ros::service::call(name_ + "/reset", empty));
