@@ -15,11 +15,11 @@
 #include <sstream>
 #include <stdexcept>
 
+#include "hokuyo_sick_drivers/zf/scan_choice.h"
 #include "hokuyo_sick_drivers/zf/scan_cloud.h"
 #include "hokuyo_sick_drivers/zf/scan_file.h"
 #include "zf/ros/cloud_bag.h"
 #include "zf/ros/scan_message.h"
-#include "zf/scan_choice.h"
 
 namespace po = boost::program_options;
 

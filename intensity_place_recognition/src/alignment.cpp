@@ -10,38 +10,34 @@
 namespace intensity_place_recognition {
 namespace {
 
-constexpr int kIterations = 10;
-constexpr std::size_t kAligned = 500, kJudged = 1750;  // patches at most
-constexpr float kLastReach = 0.6f;                     // m
-constexpr float kResidual = 0.15f;                     // m, from which on a patch counts less
-constexpr float kMatched = 0.5f, kSame = 0.35f;        // m
+constexpr float kLastReach = 0.6f;               // m
+constexpr float kResidual = 0.15f;               // m, from which on a patch counts less
+constexpr float kMatched = 0.5f, kSame = 0.35f;  // m
+
+// Of Fisher's transform.
+double variance(const Correlation& correlation) {
+  return correlation.deviation > 0.0 ? correlation.deviation * correlation.deviation
+                                     : 1.0 / std::max(1, correlation.pieces - 3);
+}
+
+}  // namespace
 
 double fisher(double correlation) {
   return std::atanh(std::clamp(correlation, -0.999, 0.999));
 }
 
-// Of Fisher's transform.
-double variance(const Correlation& correlation) {
-  return 1.0 / std::max(1, correlation.pieces - 3);
-}
-
-}  // namespace
-
-double correlationOf(const std::vector<std::pair<float, float>>& pairs) {
-  if (pairs.size() < 3) return 0.0;
-  double first = 0.0, second = 0.0, squares = 0.0, other_squares = 0.0, products = 0.0;
-  for (const auto& [a, b] : pairs) {
-    first += a;
-    second += b;
-    squares += a * a;
-    other_squares += b * b;
-    products += a * b;
-  }
-  const auto count = static_cast<double>(pairs.size());
+double PairSums::correlation() const {
+  if (count < 3.0) return 0.0;
   const double spread = squares - first * first / count,
                other_spread = other_squares - second * second / count;
   if (!(spread > 1e-9 * count && other_spread > 1e-9 * count)) return 0.0;
   return (products - first * second / count) / std::sqrt(spread * other_spread);
+}
+
+double correlationOf(const std::vector<std::pair<float, float>>& pairs) {
+  PairSums sums;
+  for (const auto& [a, b] : pairs) sums.add(a, b);
+  return sums.correlation();
 }
 
 double evidence(const Correlation& correlation, double above) {
@@ -53,19 +49,21 @@ double evidence(const Correlation& correlation, const Correlation& above) {
          std::sqrt(variance(correlation) + variance(above));
 }
 
-Alignment Aligner::operator()(const Shape& place, const Eigen::Isometry3d& guess) const {
-  using Vector6 = Eigen::Matrix<float, 6, 1>;
-  using Matrix6f = Eigen::Matrix<float, 6, 6>;
+Alignment Aligner::operator()(const Shape& place, const Eigen::Isometry3d& guess,
+                              const Effort& effort) const {
+  // The last two stay 0: they fill registers.
+  using Vector8 = Eigen::Matrix<float, 8, 1>;
+  using Matrix8 = Eigen::Matrix<float, 8, 6>;
   Alignment result;
   result.pose = guess;
   Eigen::Isometry3f pose = guess.inverse().cast<float>();  // place's points to the query's sensor
   const std::vector<Patch>& patches = place.patches();
-  const std::size_t stride = patches.size() / kAligned + 1;
-  for (int i = 0; i < kIterations; ++i) {
-    const float t = static_cast<float>(i) / static_cast<float>(kIterations - 1);
+  const std::size_t stride = patches.size() / effort.aligned + 1;
+  for (int i = 0; i < effort.iterations; ++i) {
+    const float t = static_cast<float>(i) / static_cast<float>(effort.iterations - 1);
     const float reach = PatchField::kReach * std::pow(kLastReach / PatchField::kReach, t);
-    Matrix6f information = Matrix6f::Zero();
-    Vector6 gradient = Vector6::Zero();
+    Matrix8 information = Matrix8::Zero();
+    Vector8 gradient = Vector8::Zero();
     float weights = 0.0f;
     for (std::size_t p = i % stride; p < patches.size(); p += stride) {
       const Eigen::Vector3f point = pose * patches[p].point;
@@ -76,15 +74,15 @@ Alignment Aligner::operator()(const Shape& place, const Eigen::Isometry3d& guess
       if (offset.squaredNorm() > reach * reach || alike < 0.5f) continue;
       const float error = other->normal.dot(offset);
       const float weight = other->flatness * alike / (1.0f + error * error / (kResidual * kResidual));
-      Vector6 jacobian;
-      jacobian << other->normal, point.cross(other->normal);
-      information.noalias() += weight * jacobian * jacobian.transpose();
+      Vector8 jacobian;
+      jacobian << other->normal, point.cross(other->normal), 0.0f, 0.0f;
+      for (int k = 0; k < 6; ++k) information.col(k) += weight * jacobian[k] * jacobian;
       gradient += weight * error * jacobian;
       weights += weight;
     }
     if (weights < 10.0f) return result;
     information.diagonal().array() += 1e-4f * weights;
-    const Vector6 step = -information.ldlt().solve(gradient);
+    const Eigen::Matrix<float, 6, 1> step = -information.topRows<6>().ldlt().solve(gradient.head<6>());
     Eigen::Isometry3f change = Eigen::Isometry3f::Identity();
     const Eigen::Vector3f turn = step.tail<3>();
     if (turn.norm() > 1e-9f)
@@ -97,8 +95,8 @@ Alignment Aligner::operator()(const Shape& place, const Eigen::Isometry3d& guess
 
   std::size_t upright = 0, matched = 0;
   std::vector<std::pair<float, float>> intensities;
-  Pieces pieces;
-  const std::size_t step = patches.size() / kJudged + 1;
+  const std::size_t step = patches.size() / effort.judged + 1;
+  Pieces pieces(patches.size() / step + 1);
   for (std::size_t p = 0; p < patches.size(); p += step) {
     const Eigen::Vector3f point = pose * patches[p].point;
     const Patch* found = field_.nearest(point);

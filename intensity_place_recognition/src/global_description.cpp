@@ -6,12 +6,62 @@
 #include <numeric>
 #include <stdexcept>
 
+#include "vectorised.h"
+
 namespace intensity_place_recognition {
 namespace {
 
 constexpr int kKeyFrequencies = 4;       // of each group of rows
 constexpr int kKeyRows = 32;             // groups of neighbouring rows at most
 constexpr std::size_t kLeastPlace = 40;  // bytes of a place in a file, at least
+
+// Of the transform of real rows: frequencies x steps, each from 0 to a half turn.
+struct Waves {
+  int columns, half;
+  std::vector<float> cosines, sines;
+  explicit Waves(int all) : columns(all), half(all / 2 + 1) {
+    for (int f = 0; f < half; ++f) {
+      // All but the lowest and, where the number is even, the highest stand for their negatives, too.
+      const double scale = (f == 0 || 2 * f == columns ? 1.0 : 2.0) / columns;
+      for (int i = 0; i < half; ++i) {
+        const double angle = 2.0 * M_PI * (f * i % columns) / columns;
+        cosines.push_back(static_cast<float>(scale * std::cos(angle)));
+        sines.push_back(static_cast<float>(scale * std::sin(angle)));
+      }
+    }
+  }
+};
+const Waves& wavesOf(int columns) {
+  thread_local std::unique_ptr<Waves> waves;
+  if (!waves || waves->columns != columns) waves = std::make_unique<Waves>(columns);
+  return *waves;
+}
+
+// The correlation of rows at all steps, from their spectra a and b, rows x (real, imaginary).
+INTENSITY_PLACE_RECOGNITION_VECTORISED
+void correlate(const float* a, const float* b, int rows, const Waves& waves, float* buffer,
+               std::vector<float>& result) {
+  const int half = waves.half, columns = waves.columns;
+  float *real = buffer, *imaginary = real + half, *even = imaginary + half, *odd = even + half;
+  std::fill(buffer, buffer + 4 * half, 0.0f);
+  for (int r = 0; r < rows; ++r, a += 2 * half, b += 2 * half) {
+    for (int f = 0; f < half; ++f) {
+      real[f] += a[2 * f] * b[2 * f] + a[2 * f + 1] * b[2 * f + 1];
+      imaginary[f] += a[2 * f] * b[2 * f + 1] - a[2 * f + 1] * b[2 * f];
+    }
+  }
+  for (int f = 0; f < half; ++f) {
+    const float *cosine = &waves.cosines[f * half], *sine = &waves.sines[f * half];
+    for (int i = 0; i < half; ++i) {
+      even[i] += real[f] * cosine[i];
+      odd[i] += imaginary[f] * sine[i];
+    }
+  }
+  for (int i = 0; i < half; ++i) {
+    result[i] = even[i] - odd[i];
+    result[(columns - i) % columns] = even[i] + odd[i];
+  }
+}
 
 }  // namespace
 
@@ -60,27 +110,14 @@ bool GlobalSignature::isSound() const {
 std::vector<float> GlobalSignature::similarities(const GlobalSignature& other) const {
   if (!isLike(other)) throw std::invalid_argument("descriptions of different sizes can't be compared");
   std::vector<float> result(static_cast<std::size_t>(views_) * columns_, -1.0f);
-  std::vector<std::complex<float>> sum(half());
-  cv::Mat2f spectrum(1, columns_);
-  cv::Mat1f turned;
+  const Waves& waves = wavesOf(columns_);
+  std::vector<float> buffer(4 * static_cast<std::size_t>(half())), turned(columns_);
   for (int v = 0; v < views_; ++v) {
     for (int w = 0; w < views_; ++w) {
-      // Both are spectra of real rows; the sum over all rows is one, too.
-      std::fill(sum.begin(), sum.end(), 0.0f);
-      const std::complex<float>*a = view(v), *b = other.view(w);
-      for (int r = 0; r < rows_; ++r, a += half(), b += half()) {
-        for (int f = 0; f < half(); ++f) {
-          sum[f] += std::complex<float>(a[f].real() * b[f].real() + a[f].imag() * b[f].imag(),
-                                        a[f].real() * b[f].imag() - a[f].imag() * b[f].real());
-        }
-      }
-      for (int f = 0; f < columns_; ++f) {
-        const std::complex<float> value = f < half() ? sum[f] : std::conj(sum[columns_ - f]);
-        spectrum(0, f) = {value.real(), value.imag()};
-      }
-      cv::dft(spectrum, turned, cv::DFT_INVERSE | cv::DFT_SCALE | cv::DFT_REAL_OUTPUT);
+      correlate(reinterpret_cast<const float*>(view(v)), reinterpret_cast<const float*>(other.view(w)), rows_,
+                waves, buffer.data(), turned);
       float* at = &result[static_cast<std::size_t>((w - v + views_) % views_) * columns_];
-      for (int i = 0; i < columns_; ++i) at[i] = std::max(at[i], turned(0, i));
+      for (int i = 0; i < columns_; ++i) at[i] = std::max(at[i], turned[i]);
     }
   }
   return result;

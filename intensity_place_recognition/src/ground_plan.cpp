@@ -7,32 +7,132 @@
 #include <numeric>
 #include <opencv2/core.hpp>
 
+#include "vectorised.h"
+
 namespace intensity_place_recognition {
 namespace {
 
-constexpr int kCells = 64;                                           // of 1 m, of the plan's side
-constexpr int kHighest = kCells / 2 - 1, kRoughly = kCells / 4 - 1;  // frequencies
-constexpr int kColumns = kHighest + 1;                               // of them along x, from 0
-constexpr int kRows = 2 * kHighest + 1;                              // and y, from -kHighest
-constexpr int kFrequencies = kRows * kColumns;                       // of a channel
-constexpr int kMostShifts = kCells / 4;                              // cells to either side
+constexpr int kCells = 64;                // of 1 m, of the plan's side
+constexpr int kFrequencies = kCells / 2;  // along x from 0; along y as many, and their negatives
+constexpr int kBlock = kFrequencies / 2;  // neighbours along x; the first are the low ones
+constexpr int kMostShifts = kCells / 4;   // cells to either side
+constexpr int kPadded = kMostShifts / 8 * 8 + 8;
 constexpr float kUpper = 1.0f;                  // m above the sensor: upper floors and crowns
 constexpr float kUpright = 0.9f, kFlat = 0.5f;  // of the normals of walls, and of their flatness
 constexpr int kChannels = 4;                    // what stands where; light: ground, lower, upper
+constexpr int kRow = 2 * kBlock;                // of real, then of imaginary parts
+constexpr int kSign = kChannels * kRow;
 
-// exp(i 2 pi k / kCells)
+// Of the real parts of a row of the spectrum. Low frequencies are the first.
+constexpr int rowAt(int block, int f, bool negative, int channel) {
+  return ((block * kFrequencies + f) * 2 + negative) * kSign + channel * kRow;
+}
+constexpr int kSize = rowAt(2, 0, false, 0);
+
+// exp(i 2 pi k / kCells), and of shifts by one and two cells with the frequencies along x.
 struct Waves {
+  using Shifts = std::array<std::array<float, kPadded>, kFrequencies>;
   std::array<float, kCells> cosine, sine;
+  std::array<Shifts, 2> cosines, sines;
   Waves() {
     for (int k = 0; k < kCells; ++k) {
       cosine[k] = static_cast<float>(std::cos(2.0 * M_PI * k / kCells));
       sine[k] = static_cast<float>(std::sin(2.0 * M_PI * k / kCells));
+    }
+    for (int step = 1; step <= 2; ++step) {
+      for (int g = 0; g < kFrequencies; ++g) {
+        for (int d = 0; d < kPadded; ++d) {
+          cosines[step - 1][g][d] = cosine[step * d * g % kCells];
+          sines[step - 1][g][d] = sine[step * d * g % kCells];
+        }
+      }
     }
   }
 };
 const Waves& waves() {
   static const Waves kWaves;
   return kWaves;
+}
+
+// Of two spectra, frequencies along y x along x: each frequency along y together with its negative, their
+// sums for the cosine, their differences for the sine.
+struct Products {
+  using Rows = std::array<std::array<float, kFrequencies>, kFrequencies>;
+  Rows sum_real, sum_imaginary, difference_real, difference_imaginary;
+};
+
+// @param blocks 1: the low frequencies alone
+INTENSITY_PLACE_RECOGNITION_VECTORISED
+void multiply(const std::int16_t* query, const std::int16_t* place, int blocks, float scale, Products& out) {
+  for (int block = 0; block < blocks; ++block) {
+    for (int f = 0; f < blocks * kBlock; ++f) {
+      float sum_real[kBlock] = {}, sum_imaginary[kBlock] = {}, difference_real[kBlock] = {},
+            difference_imaginary[kBlock] = {};
+      for (int c = 0; c < kChannels; ++c) {
+        const std::int16_t *p = place + rowAt(block, f, false, c), *q = query + rowAt(block, f, false, c);
+        for (int g = 0; g < kBlock; ++g) {
+          const float a = p[g], b = p[kBlock + g], x = q[g], y = q[kBlock + g];
+          const float k = p[kSign + g], l = p[kSign + kBlock + g], u = q[kSign + g],
+                      v = q[kSign + kBlock + g];
+          const float r = a * x + b * y, i = b * x - a * y, s = k * u + l * v, j = l * u - k * v;
+          sum_real[g] += r + s;
+          sum_imaginary[g] += i + j;
+          difference_real[g] += r - s;
+          difference_imaginary[g] += i - j;
+        }
+      }
+      const float once = f == 0 ? 0.5f * scale : scale;  // which is its own negative
+      for (int g = 0; g < kBlock; ++g) {
+        out.sum_real[f][block * kBlock + g] = once * sum_real[g];
+        out.sum_imaginary[f][block * kBlock + g] = once * sum_imaginary[g];
+        out.difference_real[f][block * kBlock + g] = scale * difference_real[g];
+        out.difference_imaginary[f][block * kBlock + g] = scale * difference_imaginary[g];
+      }
+    }
+  }
+}
+
+// Back to (2 shifts + 1) x (2 shifts + 1) shifts of `step` cells.
+INTENSITY_PLACE_RECOGNITION_VECTORISED
+void toShifts(const Products& products, int blocks, int step, int shifts, const Waves& wave, float* map) {
+  const int columns = blocks * kBlock, side = 2 * shifts + 1, padded = (shifts + 8) / 8 * 8;
+  const Waves::Shifts &cosines = wave.cosines[step - 1], &sines = wave.sines[step - 1];
+  for (int dy = 0; dy <= shifts; ++dy) {
+    float even_real[kFrequencies] = {}, even_imaginary[kFrequencies] = {}, odd_real[kFrequencies] = {},
+          odd_imaginary[kFrequencies] = {};
+    for (int f = 0; f < columns; ++f) {
+      const int k = step * dy * f % kCells;
+      const float c = wave.cosine[k], s = wave.sine[k];
+      for (int g = 0; g < columns; ++g) {
+        even_real[g] += c * products.sum_real[f][g];
+        even_imaginary[g] += c * products.sum_imaginary[f][g];
+        odd_real[g] += s * products.difference_real[f][g];
+        odd_imaginary[g] += s * products.difference_imaginary[f][g];
+      }
+    }
+    for (const int sign : {1, -1}) {
+      const auto by = static_cast<float>(sign);
+      float even[kPadded] = {}, odd[kPadded] = {};
+      for (int g = 0; g < columns; ++g) {
+        const float twice = g == 0 ? 1.0f : 2.0f;
+        const float real = twice * (even_real[g] - by * odd_imaginary[g]),
+                    imaginary = twice * (even_imaginary[g] + by * odd_real[g]);
+        for (int d = 0; d < padded; ++d) {
+          even[d] += real * cosines[g][d];
+          odd[d] += imaginary * sines[g][d];
+        }
+      }
+      float* row = map + (shifts + sign * dy) * side + shifts;
+      for (int d = 0; d <= shifts; ++d) {
+        row[d] = even[d] - odd[d];
+        row[-d] = even[d] + odd[d];
+      }
+    }
+  }
+}
+
+std::int16_t rounded(float value) {
+  return static_cast<std::int16_t>(value + (value < 0.0f ? -0.5f : 0.5f));
 }
 
 // Of the parabola through three values, the middle of which is the largest: -0.5 to 0.5.
@@ -64,15 +164,18 @@ double WallDirections::bestYaw(const WallDirections& place, double likely, doubl
   std::vector<float> products(2 * most + 1);
   for (int i = 0; i <= 2 * most; ++i) {
     const int turn = ((middle + i - most) % kSteps + kSteps) % kSteps;
-    products[i] = std::inner_product(part_.begin(), part_.begin() + kSteps, place.part_.begin() + turn, 0.0f);
+    constexpr int kLanes = 12;
+    std::array<float, kLanes> sums{};
+    for (int k = 0; k < kSteps; k += kLanes)
+      for (int lane = 0; lane < kLanes; ++lane) sums[lane] += part_[k + lane] * place.part_[turn + k + lane];
+    products[i] = std::accumulate(sums.begin(), sums.end(), 0.0f);
   }
   const auto best = std::max_element(products.begin() + 1, products.end() - 1);
   const int at = static_cast<int>(best - products.begin());
   return (middle + at - most + vertex(products[at - 1], *best, products[at + 1])) * kStep;
 }
 
-GroundPlan::GroundPlan(const Shape& shape, double yaw)
-    : real_(static_cast<std::size_t>(kChannels) * kFrequencies), imaginary_(real_) {
+GroundPlan::GroundPlan(const Shape& shape, double yaw) : spectrum_(kSize) {
   using Cells = std::array<float, kCells * kCells>;
   std::array<Cells, kChannels> sum{}, weight{};
   const float middle = 0.5f * (kCells - 1);
@@ -98,124 +201,84 @@ GroundPlan::GroundPlan(const Shape& shape, double yaw)
     for (int c = 1; c < kChannels; ++c) sum[c][i] /= std::max(1.0f, weight[c][i]);
   }
   for (float& value : sum[0]) value -= mean;
+  std::vector<float> all(kSize);
   // Two channels at once, as the real and the imaginary part.
   for (int c = 0; c < kChannels; c += 2) {
-    cv::Mat2f both(kCells, kCells), spectrum;
+    cv::Mat2f both(kCells, kCells);
     std::array<double, 2> squares{};
+    auto* z = both.ptr<cv::Vec2f>();
     for (int i = 0; i < kCells * kCells; ++i) {
-      both.begin()[i] = {sum[c][i], sum[c + 1][i]};
+      z[i] = {sum[c][i], sum[c + 1][i]};
       squares[0] += sum[c][i] * sum[c][i];
       squares[1] += sum[c + 1][i] * sum[c + 1][i];
     }
-    cv::dft(both, spectrum);
+    cv::dft(both, both);
     const float scale = static_cast<float>(0.5 / std::sqrt(std::max(1e-18, squares[0]))),
                 next_scale = static_cast<float>(0.5 / std::sqrt(std::max(1e-18, squares[1])));
-    std::size_t at = static_cast<std::size_t>(c) * kFrequencies;
-    for (int f = -kHighest; f <= kHighest; ++f) {
-      for (int g = 0; g <= kHighest; ++g, ++at) {
-        const cv::Vec2f z = spectrum((f + kCells) % kCells, g),
-                        mirrored = spectrum((kCells - f) % kCells, (kCells - g) % kCells);
-        real_[at] = scale * (z[0] + mirrored[0]);
-        imaginary_[at] = scale * (z[1] - mirrored[1]);
-        real_[at + kFrequencies] = next_scale * (z[1] + mirrored[1]);
-        imaginary_[at + kFrequencies] = next_scale * (mirrored[0] - z[0]);
+    for (int f = 1 - kFrequencies; f < kFrequencies; ++f) {
+      const auto *row = both.ptr<cv::Vec2f>((f + kCells) % kCells),
+                 *mirrored_row = both.ptr<cv::Vec2f>((kCells - f) % kCells);
+      for (int g = 0; g < kFrequencies; ++g) {
+        const cv::Vec2f here = row[g], mirrored = mirrored_row[(kCells - g) % kCells];
+        float* to = &all[rowAt(g / kBlock, std::abs(f), f < 0, c) + g % kBlock];
+        to[0] = scale * (here[0] + mirrored[0]);
+        to[kBlock] = scale * (here[1] - mirrored[1]);
+        to[kRow] = next_scale * (here[1] + mirrored[1]);
+        to[kRow + kBlock] = next_scale * (mirrored[0] - here[0]);
       }
     }
   }
+  for (int block = 0; block < 2; ++block)
+    std::copy_n(&all[rowAt(block, 0, false, 0)], kSign, &all[rowAt(block, 0, true, 0)]);
+  float largest = 0.0f;
+  for (int row = 0; row < kSize; row += kRow)
+    for (int g = 0; g < kBlock; ++g)
+      largest =
+          std::max(largest, all[row + g] * all[row + g] + all[row + kBlock + g] * all[row + kBlock + g]);
+  // By magnitude, so that it fits in whatever the phase is.
+  const float steps = 32766.0f / std::sqrt(std::max(largest, 1e-18f));
+  step_ = 1.0f / steps;
+  for (int i = 0; i < kSize; ++i) spectrum_[i] = rounded(steps * all[i]);
 }
 
 GroundPlan GroundPlan::halfTurned() const {
   GroundPlan turned = *this;
-  for (int c = 0; c < kChannels; ++c) {
-    std::size_t at = static_cast<std::size_t>(c) * kFrequencies;
-    for (int f = -kHighest; f <= kHighest; ++f) {
-      for (int g = 0; g <= kHighest; ++g, ++at) {
-        const int k = (f + g + kCells) % kCells;  // the cells' middle is between two of them
-        const float cosine = waves().cosine[k], sine = waves().sine[k];
-        turned.real_[at] = cosine * real_[at] + sine * imaginary_[at];
-        turned.imaginary_[at] = sine * real_[at] - cosine * imaginary_[at];
+  for (int f = 1 - kFrequencies; f < kFrequencies; ++f) {
+    for (int g = 0; g < kFrequencies; ++g) {
+      const int k = (f + g + kCells) % kCells;  // the cells' middle is between two of them
+      const float cosine = waves().cosine[k], sine = waves().sine[k];
+      for (int c = 0; c < kChannels; ++c) {
+        const int at = rowAt(g / kBlock, std::abs(f), f < 0, c) + g % kBlock;
+        const float real = spectrum_[at], imaginary = spectrum_[at + kBlock];
+        turned.spectrum_[at] = rounded(cosine * real + sine * imaginary);
+        turned.spectrum_[at + kBlock] = rounded(sine * real - cosine * imaginary);
       }
     }
   }
+  for (int block = 0; block < 2; ++block)
+    std::copy_n(&turned.spectrum_[rowAt(block, 0, false, 0)], kSign,
+                &turned.spectrum_[rowAt(block, 0, true, 0)]);
   return turned;
 }
 
 std::vector<float> GroundPlan::correlations(const GroundPlan& place, int step, int shifts,
-                                            int highest) const {
-  const int columns = highest + 1;
-  // The frequencies along y together with their negatives: their sums for the cosine, their differences for
-  // the sine.
-  std::array<float, kColumns * kColumns> sum_real{}, sum_imaginary{}, difference_real{},
-      difference_imaginary{};
-  for (int f = 0; f <= highest; ++f) {
-    for (int c = 0; c < kChannels; ++c) {
-      const int above = (c * kRows + kHighest + f) * kColumns, below = (c * kRows + kHighest - f) * kColumns;
-      const float *a = &place.real_[above], *b = &place.imaginary_[above], *x = &real_[above],
-                  *y = &imaginary_[above], *p = &place.real_[below], *q = &place.imaginary_[below],
-                  *u = &real_[below], *v = &imaginary_[below];
-      float *sr = &sum_real[f * columns], *si = &sum_imaginary[f * columns],
-            *dr = &difference_real[f * columns], *di = &difference_imaginary[f * columns];
-      for (int g = 0; g < columns; ++g) {
-        const float r = a[g] * x[g] + b[g] * y[g], i = b[g] * x[g] - a[g] * y[g];
-        const float s = p[g] * u[g] + q[g] * v[g], j = q[g] * u[g] - p[g] * v[g];
-        sr[g] += r + s;
-        si[g] += i + j;
-        dr[g] += r - s;
-        di[g] += i - j;
-      }
-    }
-  }
-  for (int g = 0; g < columns; ++g) {  // which is its own negative
-    sum_real[g] *= 0.5f;
-    sum_imaginary[g] *= 0.5f;
-  }
+                                            bool roughly) const {
+  Products products;
   const int side = 2 * shifts + 1;
-  constexpr float kScale = 1.0f / (kChannels * kCells * kCells);
   std::vector<float> map(static_cast<std::size_t>(side) * side);
-  using Row = std::array<float, kColumns>;
-  for (int dy = 0; dy <= shifts; ++dy) {
-    Row even_real{}, even_imaginary{}, odd_real{}, odd_imaginary{};
-    for (int f = 0; f <= highest; ++f) {
-      const int k = step * dy * f % kCells;
-      const float c = waves().cosine[k], s = waves().sine[k];
-      for (int g = 0; g < columns; ++g) {
-        even_real[g] += c * sum_real[f * columns + g];
-        even_imaginary[g] += c * sum_imaginary[f * columns + g];
-        odd_real[g] += s * difference_real[f * columns + g];
-        odd_imaginary[g] += s * difference_imaginary[f * columns + g];
-      }
-    }
-    for (const int sign : {1, -1}) {
-      const auto by = static_cast<float>(sign);
-      Row real, imaginary;
-      for (int g = 0; g < columns; ++g) {
-        const float twice = g == 0 ? kScale : 2.0f * kScale;
-        real[g] = twice * (even_real[g] - by * odd_imaginary[g]);
-        imaginary[g] = twice * (even_imaginary[g] + by * odd_real[g]);
-      }
-      float* row = &map[static_cast<std::size_t>(shifts + sign * dy) * side + shifts];
-      for (int dx = 0; dx <= shifts; ++dx) {
-        float even = 0.0f, odd = 0.0f;
-        for (int g = 0; g < columns; ++g) {
-          const int k = step * dx * g % kCells;
-          even += waves().cosine[k] * real[g];
-          odd += waves().sine[k] * imaginary[g];
-        }
-        row[dx] = even - odd;
-        row[-dx] = even + odd;
-      }
-    }
-  }
+  const int blocks = roughly ? 1 : 2;
+  multiply(spectrum_.data(), place.spectrum_.data(), blocks,
+           step_ * place.step_ / (kChannels * kCells * kCells), products);
+  toShifts(products, blocks, step, shifts, waves(), map.data());
   return map;
 }
 
 GroundPlan::Shift GroundPlan::roughShift(const GroundPlan& place, float reach) const {
   constexpr int kStep = 2;
-  const int shifts = std::clamp(static_cast<int>(std::ceil(reach / kStep)), 0, kMostShifts / kStep),
-            side = 2 * shifts + 1;
-  const std::vector<float> map = correlations(place, kStep, shifts, kRoughly);
+  const int shifts = std::clamp(static_cast<int>(std::ceil(reach / kStep)), 0, kMostShifts / kStep);
+  const std::vector<float> map = correlations(place, kStep, shifts, true);
   const auto best = std::max_element(map.begin(), map.end());
-  const int at = static_cast<int>(best - map.begin());
+  const int at = static_cast<int>(best - map.begin()), side = 2 * shifts + 1;
   return {*best, static_cast<float>(kStep * (at % side - shifts)),
           static_cast<float>(kStep * (at / side - shifts))};
 }
@@ -223,7 +286,7 @@ GroundPlan::Shift GroundPlan::roughShift(const GroundPlan& place, float reach) c
 std::vector<GroundPlan::Shift> GroundPlan::bestShifts(const GroundPlan& place, float reach,
                                                       std::size_t count) const {
   const int shifts = std::clamp(static_cast<int>(std::ceil(reach)), 0, kMostShifts), side = 2 * shifts + 1;
-  const std::vector<float> map = correlations(place, 1, shifts, kHighest);
+  const std::vector<float> map = correlations(place, 1, shifts, false);
   std::vector<Shift> best;
   for (int y = 0; y < side; ++y) {
     for (int x = 0; x < side; ++x) {

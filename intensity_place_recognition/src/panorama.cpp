@@ -6,6 +6,8 @@
 #include <stdexcept>
 #include <string>
 
+#include "fast_atan2.h"
+
 namespace intensity_place_recognition {
 namespace {
 
@@ -85,10 +87,10 @@ void PanoramaBuilder::add(const pcl::PointXYZI* points, std::size_t count) {
   for (const pcl::PointXYZI* p = points; p != points + count; ++p) {
     const float flat = p->x * p->x + p->y * p->y, squared = flat + p->z * p->z;
     if (!(squared >= nearest && squared <= farthest) || !isMeasured(*p)) continue;
-    const float row = (top - std::atan2(p->z, std::sqrt(flat))) * per_row;
+    const float row = (top - fastAtan2(p->z, std::sqrt(flat))) * per_row;
     if (!(row >= 0.0f && row < static_cast<float>(options_.height))) continue;
     const int y = static_cast<int>(row);
-    const int x = std::min(static_cast<int>((pi - std::atan2(p->y, p->x)) * per_column), options_.width - 1);
+    const int x = std::min(static_cast<int>((pi - fastAtan2(p->y, p->x)) * per_column), options_.width - 1);
     const float weight = 1.0f / static_cast<float>(++count_(y, x));
     intensity_(y, x) += (p->intensity - intensity_(y, x)) * weight;
     range_(y, x) += (std::sqrt(squared) - range_(y, x)) * weight;

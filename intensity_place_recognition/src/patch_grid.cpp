@@ -19,10 +19,6 @@ Box boxOf(const std::vector<Patch>& patches) {
   return box;
 }
 
-std::size_t cells(const Eigen::Vector3i& size) {
-  return static_cast<std::size_t>(size.x()) * size.y() * size.z();
-}
-
 }  // namespace
 
 PatchGrid::PatchGrid(const Shape& shape) : shape_(&shape) {
@@ -31,12 +27,14 @@ PatchGrid::PatchGrid(const Shape& shape) : shape_(&shape) {
   const Box box = boxOf(patches);
   origin_ = box.low.array() - kCell;
   size_ = ((box.high - origin_) / kCell).cast<int>().array() + 2;
-  first_.assign(cells(size_), -1);
+  grid_ = BlockGrid(size_);
+  first_.assign(grid_.slots(), -1);
   next_.resize(patches.size());
   for (std::size_t i = 0; i < patches.size(); ++i) {
     const Eigen::Vector3i cell = ((patches[i].point - origin_) / kCell).cast<int>();
-    std::int32_t& first =
-        first_[(static_cast<std::size_t>(cell.z()) * size_.y() + cell.y()) * size_.x() + cell.x()];
+    const std::size_t slot = grid_.makeSlot(cell.x(), cell.y(), cell.z());
+    first_.resize(grid_.slots(), -1);
+    std::int32_t& first = first_[slot];
     next_[i] = first;
     first = static_cast<std::int32_t>(i);
   }
@@ -51,9 +49,8 @@ const Patch* PatchGrid::nearest(const Eigen::Vector3f& point, float reach) const
   const Patch* found = nullptr;
   for (int z = first.z(); z <= last.z(); ++z) {
     for (int y = first.y(); y <= last.y(); ++y) {
-      const std::int32_t* row = &first_[(static_cast<std::size_t>(z) * size_.y() + y) * size_.x()];
       for (int x = first.x(); x <= last.x(); ++x) {
-        for (std::int32_t i = row[x]; i >= 0; i = next_[i]) {
+        for (std::int32_t i = first_[grid_.slot(x, y, z)]; i >= 0; i = next_[i]) {
           const Patch& patch = shape_->patches()[i];
           const float distance = (patch.point - point).squaredNorm();
           if (distance >= squared) continue;
@@ -72,9 +69,10 @@ PatchField::PatchField(const Shape& shape) : shape_(&shape) {
   const Box box = boxOf(patches);
   origin_ = box.low.array() - kReach;
   size_ = (((box.high - origin_).array() + kReach) / kCell).cast<int>() + 1;
-  index_.assign(cells(size_), -1);
+  grid_ = BlockGrid(size_);
+  index_.assign(grid_.slots(), -1);
   const float reach = kReach / kCell;
-  std::vector<float> squared(index_.size(), reach * reach);
+  std::vector<float> squared(grid_.slots());
   for (std::size_t i = 0; i < patches.size(); ++i) {
     const Eigen::Vector3f at = (patches[i].point - origin_) / kCell - Eigen::Vector3f::Constant(0.5f);
     const Eigen::Vector3i first = (at.array() - reach).ceil().max(0.0f).cast<int>();
@@ -82,13 +80,18 @@ PatchField::PatchField(const Shape& shape) : shape_(&shape) {
     for (int z = first.z(); z <= last.z(); ++z) {
       for (int y = first.y(); y <= last.y(); ++y) {
         const float dy = static_cast<float>(y) - at.y(), dz = static_cast<float>(z) - at.z();
-        const std::size_t row = (static_cast<std::size_t>(z) * size_.y() + y) * size_.x();
         for (int x = first.x(); x <= last.x(); ++x) {
           const float dx = static_cast<float>(x) - at.x();
           const float distance = dx * dx + dy * dy + dz * dz;
-          if (distance >= squared[row + x]) continue;
-          squared[row + x] = distance;
-          index_[row + x] = static_cast<std::int32_t>(i);
+          if (distance >= reach * reach) continue;
+          const std::size_t slot = grid_.makeSlot(x, y, z);
+          if (slot >= index_.size()) {
+            index_.resize(grid_.slots(), -1);
+            squared.resize(grid_.slots(), reach * reach);
+          }
+          if (distance >= squared[slot]) continue;
+          squared[slot] = distance;
+          index_[slot] = static_cast<std::int32_t>(i);
         }
       }
     }

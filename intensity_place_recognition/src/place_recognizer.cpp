@@ -5,7 +5,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iomanip>
 #include <set>
+#include <sstream>
 #include <stdexcept>
 #include <utility>
 
@@ -21,6 +23,7 @@ constexpr int kYaws = 120;               // of a query's plans
 constexpr double kParallax = 0.14;       // rad, that descriptions may err as the sensor is some metres beside
 constexpr std::size_t kPeaks = 3;        // shifts at each turn
 constexpr double kSamePose = 2.5, kSameYaw = 0.17;  // m, rad
+constexpr double kOnePose = 0.5, kOneYaw = 0.05;    // m, rad
 constexpr double kLikeShape = 0.8;                  // of the best one's fit
 constexpr double kLessEvidence = 0.8;               // that two places are one, where the query says so, too
 constexpr double kNoRival = 100.0;                  // standard deviations
@@ -31,10 +34,11 @@ Eigen::Isometry3d flatPose(double x, double y, double yaw) {
   return pose;
 }
 
-bool samePose(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
+bool samePose(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b, double within = kSamePose,
+              double yaw_within = kSameYaw) {
   const Eigen::Isometry3d difference = a.inverse() * b;
-  return difference.translation().norm() < kSamePose &&
-         Eigen::AngleAxisd(difference.linear()).angle() < kSameYaw;
+  return difference.translation().norm() < within &&
+         Eigen::AngleAxisd(difference.linear()).angle() < yaw_within;
 }
 
 Cloud measuredIn(const Cloud& all) {
@@ -59,6 +63,8 @@ void PlaceRecognizerOptions::describe(mapping_common::OptionList& o) {
       .within(1, 24);
   o("plans", plans, "", "of them, the best by plans to 2 m, that are compared to 1 m").within(1, 10000);
   o("candidates", candidates, "", "of them, the best by these plans, that are aligned roughly")
+      .within(1, 10000);
+  o("alignments", alignments, "", "of them, the best by shape and intensities, that are aligned better")
       .within(1, 1000);
   o("registrations", registrations, "",
     "of them, the best by shape and intensities, that are registered until as many as matches are accepted")
@@ -83,6 +89,27 @@ double confidence(const Recognition& recognition, const PlaceRecognizerOptions& 
                    part(recognition.margin, options.min_margin), part(r.intensity.pieces, o.min_pieces)});
 }
 
+std::string refusal(const Recognition& recognition, const PlaceRecognizerOptions& options) {
+  const Registration& r = recognition.registration;
+  const RegistrationOptions& o = options.registration;
+  if (r.accepted) return "";
+  if (recognition.match < 0) return "no place before it";
+  std::ostringstream text;
+  text << std::setprecision(3);
+  const auto below = [&](double value, const char* what, double least, const char* option) {
+    if (value < least)
+      text << (text.tellp() > 0 ? "; " : "") << value << what << ", less than " << option << ' ' << least;
+  };
+  below(r.score, " of the surfaces agree", o.min_score, "min_score");
+  below(r.intensity.pieces, " cubes of 2 m with surfaces that both see", o.min_pieces, "min_pieces");
+  below(r.evidence, " standard deviations of evidence", o.min_evidence, "min_evidence");
+  below(recognition.margin, " standard deviations above a rival", options.min_margin, "min_margin");
+  if (r.pose.translation().norm() > o.max_distance)
+    text << (text.tellp() > 0 ? "; " : "") << r.pose.translation().norm()
+         << " m away, more than max_distance " << o.max_distance;
+  return text.str();
+}
+
 const char* stageName(Stage stage) {
   static constexpr std::array<const char*, kStages> kNames = {"Panorama", "Description", "Shape", "Search",
                                                               "Verification"};
@@ -96,7 +123,9 @@ PlaceRecognizer::PlaceRecognizer(const PlaceRecognizerOptions& options)
 
 Place PlaceRecognizer::describe(const Cloud& all, const std::function<void(Stage)>& done) const {
   checkScan(all, options_.panorama);
-  const Cloud cloud = measuredIn(all);
+  const bool whole = std::all_of(all.begin(), all.end(), isMeasured);
+  const Cloud measured = whole ? Cloud() : measuredIn(all);
+  const Cloud& cloud = whole ? all : measured;
   const Panorama panorama = toPanorama(cloud, options_.panorama, options_.largest_hole);
   done(Stage::kPanorama);
   Place place;
@@ -123,9 +152,16 @@ void PlaceRecognizer::add(Place place) {
 
 std::vector<PlaceRecognizer::Hypothesis> PlaceRecognizer::hypotheses(const Place& place, int before) const {
   const auto reach = static_cast<float>(options_.registration.max_distance);
-  const auto keepBest = [](std::vector<Hypothesis>& all, int count) {
+  struct Likely {
+    int place = -1;
+    float similarity = 0.0f;   // of the descriptions
+    float correlation = 0.0f;  // of the plans
+    int turn = 0;              // of the plan
+    GroundPlan::Shift shift;
+  };
+  const auto keepBest = [](std::vector<Likely>& all, int count) {
     const auto kept = all.begin() + std::min<std::ptrdiff_t>(static_cast<std::ptrdiff_t>(all.size()), count);
-    std::partial_sort(all.begin(), kept, all.end(), [](const Hypothesis& a, const Hypothesis& b) {
+    std::partial_sort(all.begin(), kept, all.end(), [](const Likely& a, const Likely& b) {
       return std::make_pair(-a.correlation, a.place) < std::make_pair(-b.correlation, b.place);
     });
     all.erase(kept, all.end());
@@ -140,13 +176,13 @@ std::vector<PlaceRecognizer::Hypothesis> PlaceRecognizer::hypotheses(const Place
     }
     return turned[turn];
   };
-  std::vector<Hypothesis> rough, fine;
+  std::vector<Likely> rough, fine;
   for (const Candidate& candidate :
        description_->candidates(*place.signature, before, options_.neighbours, options_.turns)) {
     const Plans& there = plans_[candidate.place];
     for (const double likely : candidate.yaws) {
       const double yaw = walls.bestYaw(there.walls, likely, kParallax);
-      Hypothesis h;
+      Likely h;
       h.place = candidate.place;
       h.similarity = candidate.similarity;
       h.turn = (static_cast<int>(std::lround(yaw / (2.0 * M_PI) * kYaws)) + 2 * kYaws) % kYaws;
@@ -155,15 +191,44 @@ std::vector<PlaceRecognizer::Hypothesis> PlaceRecognizer::hypotheses(const Place
     }
   }
   keepBest(rough, options_.plans);
-  for (Hypothesis& h : rough) {
+  for (Likely& h : rough) {
     for (const GroundPlan::Shift& shift : planAt(h.turn).bestShifts(plans_[h.place].plan, reach, kPeaks)) {
       h.correlation = shift.correlation;
-      h.alignment.pose = flatPose(shift.x, shift.y, 2.0 * M_PI / kYaws * h.turn);
+      h.shift = shift;
       fine.push_back(h);
     }
   }
   keepBest(fine, options_.candidates);
-  return fine;
+  std::vector<Hypothesis> result;
+  for (const Likely& h : fine) {
+    Alignment alignment;
+    alignment.pose = flatPose(h.shift.x, h.shift.y, 2.0 * M_PI / kYaws * h.turn);
+    result.push_back({h.place, h.similarity, alignment});
+  }
+  return result;
+}
+
+void PlaceRecognizer::align(const Aligner& aligner, std::vector<Hypothesis>& all) const {
+  const auto byQuality = [&] {
+    std::stable_sort(all.begin(), all.end(),
+                     [](const Hypothesis& a, const Hypothesis& b) { return a.quality() > b.quality(); });
+  };
+  // Place by place, as each is read from memory then.
+  std::stable_sort(all.begin(), all.end(),
+                   [](const Hypothesis& a, const Hypothesis& b) { return a.place < b.place; });
+  for (Hypothesis& h : all) h.alignment = aligner(shapes_[h.place], h.alignment.pose, Aligner::kLittle);
+  byQuality();
+  std::vector<Hypothesis> kept;
+  for (const Hypothesis& h : all) {
+    if (static_cast<int>(kept.size()) == options_.alignments) break;
+    const bool known = std::any_of(kept.begin(), kept.end(), [&](const Hypothesis& other) {
+      return other.place == h.place && samePose(other.alignment.pose, h.alignment.pose, kOnePose, kOneYaw);
+    });
+    if (!known) kept.push_back(h);
+  }
+  all = std::move(kept);
+  for (Hypothesis& h : all) h.alignment = aligner(shapes_[h.place], h.alignment.pose);
+  byQuality();
 }
 
 double PlaceRecognizer::margin(const Hypothesis& best, const Registration& found,
@@ -197,10 +262,7 @@ Recognition PlaceRecognizer::recognize(const Place& place, int query,
   result.query = query;
   std::vector<Hypothesis> all = hypotheses(place, std::min(query, places()) - options_.beta);
   done(Stage::kSearch);
-  const Aligner aligner(place.shape);
-  for (Hypothesis& h : all) h.alignment = aligner(shapes_[h.place], h.alignment.pose);
-  std::stable_sort(all.begin(), all.end(),
-                   [](const Hypothesis& a, const Hypothesis& b) { return a.quality() > b.quality(); });
+  align(Aligner(place.shape), all);
   const Registrar registrar(place.shape, options_.registration);
   std::set<int> registered;  // places
   const auto found = [&](const Hypothesis& h, const Registration& registration) {

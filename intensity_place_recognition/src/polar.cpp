@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "fast_atan2.h"
 #include "intensity_place_recognition/global_description.h"
 
 namespace intensity_place_recognition {
@@ -26,13 +27,13 @@ class Polar : public GlobalDescription {
     cv::Mat1i count(rings, directions, 0);
     const float per_ring = static_cast<float>(rings / options_.radius);
     for (const pcl::PointXYZI& p : scene.cloud) {
-      const float distance = std::hypot(p.x, p.y);
+      const float distance = std::sqrt(p.x * p.x + p.y * p.y);
       if (!(distance * per_ring < static_cast<float>(rings)) || !std::isfinite(p.z) || p.z > kHighest ||
           distance < scene.min_range)
         continue;
       const int ring = static_cast<int>(distance * per_ring);
       const int direction = std::min(
-          static_cast<int>((M_PI - std::atan2(p.y, p.x)) / (2.0 * M_PI) * directions), directions - 1);
+          static_cast<int>((M_PI - fastAtan2(p.y, p.x)) / (2.0 * M_PI) * directions), directions - 1);
       height(ring, direction) = std::max(height(ring, direction), std::max(p.z - kLowest, 0.0f));
       light(ring, direction) += p.intensity;
       ++count(ring, direction);

@@ -2,10 +2,13 @@
 #include "intensity_place_recognition/registration.h"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <utility>
+#include <cstdint>
+#include <numeric>
+#include <unordered_map>
 #include <vector>
 
 #include "intensity_place_recognition/alignment.h"
@@ -17,21 +20,58 @@ namespace {
 constexpr float kReach = 0.5f;        // m, of the nearest patches
 constexpr double kResidual = 0.1;     // m, from which on a patch counts less
 constexpr double kLeastError = 1e-3;  // m, of a patch: no scan is better, even where two are the same
+constexpr float kCube = 8.0f;         // m, whose patches err alike
+constexpr double kNormal = 0.05;      // rad, that normals err by: what they say of other directions isn't so
+constexpr double kUnknown = 1e-6;     // of the weights, information of a direction that nothing tells
 constexpr float kMatched = 0.5f;      // m between patches that are the same
 constexpr float kSame = 0.35f;        // m between patches whose intensities are compared
+constexpr float kBlock = 8.0f;        // m, of cubes whose intensities change alike
 constexpr float kMargin = 1.0f;       // m behind a point that says it isn't there
 constexpr std::size_t kFewestPairs = 50;
 constexpr std::size_t kRefined = 1750;  // patches at most that the pose is measured by
 
+using Vector6 = Eigen::Matrix<double, 6, 1>;
+
+// What ICP's last step sums up.
+struct Sums {
+  Matrix6 information = Matrix6::Zero(), slopes = Matrix6::Zero();
+  double weights = 0.0, distances = 0.0;  // these squared, m2
+  std::size_t pairs = 0;
+  std::unordered_map<std::uint64_t, Vector6> gradients;  // of each cube
+};
+
+// Of an M-estimator (Huber 1981, 6.3), in which the patches of a cube count as one, since they err alike
+// (Liang and Zeger 1986); of their gradients' covariance the size alone is told by so few cubes. What errs
+// much says less than its weight: `slopes` are the gradient's.
+Matrix6 covarianceOf(const Sums& sums) {
+  const auto cubes = static_cast<double>(sums.gradients.size());
+  const Matrix6 damped = sums.information + kUnknown * sums.weights * Matrix6::Identity();
+  const Eigen::LDLT<Matrix6> decomposed(damped);
+  double variance = 0.0;  // m2
+  for (const auto& [cube, gradient] : sums.gradients)
+    variance += gradient.dot(decomposed.solve(gradient)) / 6.0;
+  variance = std::max(variance * cubes / std::max(1.0, cubes - 6.0),
+                      static_cast<double>(sums.pairs) / cubes * kLeastError * kLeastError);
+  const Matrix6 spread = variance * damped;
+  // Turns as what they move, in m.
+  Vector6 scale = Vector6::Ones();
+  scale.tail<3>() /= std::sqrt(std::max(1.0, sums.distances / sums.weights));
+  const Eigen::SelfAdjointEigenSolver<Matrix6> solver(scale.asDiagonal() * sums.slopes * scale.asDiagonal());
+  const Vector6 known =
+      (solver.eigenvalues().array() - kNormal * kNormal * sums.weights).max(kUnknown * sums.weights);
+  const Matrix6 inverse = scale.asDiagonal() * solver.eigenvectors() * known.cwiseInverse().asDiagonal() *
+                          solver.eigenvectors().transpose() * scale.asDiagonal();
+  const Matrix6 covariance = inverse * spread * inverse;
+  return 0.5 * (covariance + covariance.transpose());
+}
+
 // Iterative closest points, point to plane.
 bool refine(const Shape& query, const PatchGrid& match, int iterations, Registration& result) {
-  Matrix6 information = Matrix6::Zero();
+  Sums sums;
   const std::size_t stride = query.patches().size() / kRefined + 1;
   for (int i = 0; i < iterations; ++i) {
-    information.setZero();
-    Eigen::Matrix<double, 6, 1> gradient = Eigen::Matrix<double, 6, 1>::Zero();
-    std::size_t pairs = 0;
-    double weights = 0.0, errors = 0.0;
+    sums = Sums();
+    Vector6 gradient = Vector6::Zero();
     const Eigen::Isometry3f pose = result.pose.cast<float>();
     for (std::size_t p = 0; p < query.patches().size(); p += stride) {
       const Patch& patch = query.patches()[p];
@@ -42,45 +82,64 @@ bool refine(const Shape& query, const PatchGrid& match, int iterations, Registra
       if (other->flatness < 0.3f || alike < 0.5f) continue;
       const Eigen::Vector3d normal = other->normal.cast<double>();
       const double error = normal.dot((point - other->point).cast<double>());
-      const double weight = other->flatness * alike / (1.0 + error * error / (kResidual * kResidual));
-      Eigen::Matrix<double, 6, 1> jacobian;
+      const double squared = error * error / (kResidual * kResidual);
+      const double weight = other->flatness * alike / (1.0 + squared);
+      Vector6 jacobian;
       jacobian << normal, (point.cast<double>()).cross(normal);
-      information.selfadjointView<Eigen::Lower>().rankUpdate(jacobian, weight);
-      gradient += weight * error * jacobian;
-      weights += weight;
-      errors += weight * error * error;
-      ++pairs;
+      sums.information += weight * jacobian * jacobian.transpose();
+      sums.slopes +=
+          weight * std::max(0.0, (1.0 - squared) / (1.0 + squared)) * jacobian * jacobian.transpose();
+      const Vector6 pull = weight * error * jacobian;
+      gradient += pull;
+      sums.gradients.try_emplace(cubeOf(point, kCube), Vector6::Zero()).first->second += pull;
+      sums.weights += weight;
+      sums.distances += weight * point.cast<double>().squaredNorm();
+      ++sums.pairs;
     }
-    if (pairs < kFewestPairs) return false;
-    information = Matrix6(information.selfadjointView<Eigen::Lower>());
-    const Matrix6 damped = information + 1e-6 * weights * Matrix6::Identity();
-    const Eigen::Matrix<double, 6, 1> step = -damped.ldlt().solve(gradient);
+    if (sums.pairs < kFewestPairs) return false;
+    const Matrix6 damped = sums.information + 1e-6 * sums.weights * Matrix6::Identity();
+    const Vector6 step = -damped.ldlt().solve(gradient);
     Eigen::Isometry3d change = Eigen::Isometry3d::Identity();
     const Eigen::Vector3d turn = step.tail<3>();
     if (turn.norm() > 1e-12)
       change.linear() = Eigen::AngleAxisd(turn.norm(), turn.normalized()).toRotationMatrix();
     change.translation() = step.head<3>();
     result.pose = change * result.pose;
-    // Patches next to each other err alike, so that they count as a tenth as many.
-    result.covariance = 10.0 * std::max(errors / weights, kLeastError * kLeastError) * damped.inverse();
     if (step.head<3>().norm() < 1e-3 && turn.norm() < 1e-4) break;
   }
+  result.covariance = covarianceOf(sums);
   return true;
+}
+
+// Standard, of Fisher's transform: the greater of that of independent pieces, and that by leaving out one
+// block after the other (the jackknife, Efron and Stein 1981), as what is near each other changes alike.
+double deviationOf(const PairSums& all, const std::unordered_map<std::uint64_t, PairSums>& blocks,
+                   int pieces) {
+  std::vector<double> values;
+  for (const auto& [number, block] : blocks) values.push_back(fisher(all.without(block).correlation()));
+  const auto count = static_cast<double>(std::max<std::size_t>(1, values.size()));
+  const double mean = std::accumulate(values.begin(), values.end(), 0.0) / count;
+  double squares = 0.0;
+  for (const double value : values) squares += (value - mean) * (value - mean);
+  return std::sqrt(std::max((count - 1.0) / count * squares, 1.0 / std::max(1, pieces - 3)));
 }
 
 // Both scans must see what either sees.
 void judge(const Shape& query, const PatchGrid& query_grid, const Shape& match, const PatchGrid& match_grid,
            Registration& result) {
   std::size_t matched = 0, missing = 0, all = 0;
-  std::vector<std::pair<float, float>> intensities;
-  Pieces pieces;
+  PairSums intensities;
+  std::unordered_map<std::uint64_t, PairSums> blocks;
+  Pieces pieces(query.patches().size());
   const auto look = [&](const Shape& from, const Shape& to, const PatchGrid& grid,
                         const Eigen::Isometry3f& pose) {
     for (const Patch& patch : from.patches()) {
       const Eigen::Vector3f point = pose * patch.point;
       const Patch* found = grid.nearest(point, kMatched);
       if (found && (found->point - point).squaredNorm() < kSame * kSame) {
-        intensities.emplace_back(patch.intensity, found->intensity);
+        intensities.add(patch.intensity, found->intensity);
+        const Eigen::Vector3f& at = &from == &query ? point : patch.point;
+        blocks[cubeOf(at, kBlock)].add(patch.intensity, found->intensity);
         if (&from == &query) pieces.add(point);
       }
       if (patch.isLevel()) continue;
@@ -96,7 +155,8 @@ void judge(const Shape& query, const PatchGrid& query_grid, const Shape& match, 
   result.agreement =
       matched > 0 ? static_cast<double>(matched) / static_cast<double>(matched + missing) : 0.0;
   result.common = all > 0 ? static_cast<double>(matched + missing) / static_cast<double>(all) : 0.0;
-  result.intensity = {correlationOf(intensities), pieces.count()};
+  result.intensity = {intensities.correlation(), pieces.count(),
+                      deviationOf(intensities, blocks, pieces.count())};
 }
 
 }  // namespace

@@ -7,6 +7,8 @@
 #include <stdexcept>
 #include <vector>
 
+#include "fast_atan2.h"
+
 namespace intensity_place_recognition {
 namespace {
 
@@ -30,7 +32,7 @@ void checkScan(const Cloud& cloud, const PanoramaOptions& options) {
   const auto nearest = static_cast<float>(options.min_range),
              farthest = static_cast<float>(options.max_range);
   std::size_t measured = 0, in_reach = 0;
-  float darkest = INFINITY, lightest = -INFINITY, lowest = INFINITY, highest = -INFINITY;
+  float darkest = INFINITY, lightest = -INFINITY, lowest = 1.0f, highest = -1.0f;  // these first as sines
   for (const pcl::PointXYZI& p : cloud) {
     if (!isMeasured(p)) continue;
     ++measured;
@@ -39,10 +41,11 @@ void checkScan(const Cloud& cloud, const PanoramaOptions& options) {
     ++in_reach;
     darkest = std::min(darkest, p.intensity);
     lightest = std::max(lightest, p.intensity);
-    const float elevation = std::asin(p.z / range);
-    lowest = std::min(lowest, elevation);
-    highest = std::max(highest, elevation);
+    lowest = std::min(lowest, p.z / range);
+    highest = std::max(highest, p.z / range);
   }
+  lowest = std::asin(lowest);
+  highest = std::asin(highest);
   if (measured == 0)
     refuse("none of the cloud's ", cloud.size(),
            " points was measured: they aren't finite, or at the origin");
@@ -70,8 +73,9 @@ double transparency(const Cloud& cloud, const PanoramaOptions& options) {
   for (const pcl::PointXYZI& p : cloud) {
     const float range = p.getVector3fMap().norm();
     if (!isMeasured(p) || !(range >= options.min_range && range <= options.max_range)) continue;
-    const int x = static_cast<int>((std::atan2(p.y, p.x) / (2.0 * M_PI) + 0.5) * (kColumns - 1));
-    const int y = static_cast<int>((std::asin(p.z / range) / M_PI + 0.5) * (kRows - 1));
+    const float flat = std::sqrt(p.x * p.x + p.y * p.y);
+    const int x = static_cast<int>((fastAtan2(p.y, p.x) / (2.0 * M_PI) + 0.5) * (kColumns - 1));
+    const int y = static_cast<int>((fastAtan2(p.z, flat) / M_PI + 0.5) * (kRows - 1));
     Range& r = ranges[static_cast<std::size_t>(y) * kColumns + x];
     r.nearest = std::min(r.nearest, range);
     r.farthest = std::max(r.farthest, range);

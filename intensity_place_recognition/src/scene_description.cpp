@@ -120,9 +120,9 @@ std::vector<Turn> bestTurns(const std::vector<float>& by_step, std::size_t count
   const int reach = std::min(std::max(1, static_cast<int>(kNearTurn / step)), (steps - 1) / 2);
   std::vector<Turn> turns;
   for (int s = 0; s < steps; ++s) {
-    const auto at = [&](int i) { return by_step[(i + steps) % steps]; };
+    const auto at = [&](int i) { return by_step[i < 0 ? i + steps : i >= steps ? i - steps : i]; };
     bool largest = true;
-    for (int d = 1; d <= reach; ++d) largest = largest && at(s - d) < at(s) && at(s + d) <= at(s);
+    for (int d = 1; d <= reach && largest; ++d) largest = largest && at(s - d) < at(s) && at(s + d) <= at(s);
     if (!largest) continue;
     // The parabola through the largest and its neighbours.
     const double bend = at(s - 1) - 2.0 * at(s) + at(s + 1);

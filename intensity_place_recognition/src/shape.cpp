@@ -6,6 +6,9 @@
 #include <array>
 #include <cmath>
 #include <numeric>
+#include <utility>
+
+#include "intensity_place_recognition/block_grid.h"
 
 namespace intensity_place_recognition {
 namespace {
@@ -20,7 +23,7 @@ struct Moments {
   Eigen::Vector3f sum = Eigen::Vector3f::Zero();
   Eigen::Matrix3f squares = Eigen::Matrix3f::Zero();
   float intensity = 0.0f, squared = 0.0f;  // intensities, and of them
-  int cell = 0;
+  Eigen::Vector3i cell = Eigen::Vector3i::Zero();
 };
 
 struct Measured {
@@ -88,17 +91,23 @@ Shape::Shape(const Cloud& cloud, const Panorama& panorama, const ShapeOptions& o
   const float nearest = static_cast<float>(panorama.options.min_range);
   const int side = static_cast<int>(std::ceil(2.0f * radius / size)) + 2;
   const int layers = static_cast<int>(std::ceil((kHighest - kLowest) / size)) + 2;
-  std::vector<int> grid(static_cast<std::size_t>(side) * side * layers, -1);  // of indices of moments
+  const auto cellOf = [&](const Eigen::Vector3f& p) {
+    return Eigen::Vector3i(static_cast<int>((p.x() + radius) / size) + 1,
+                           static_cast<int>((p.y() + radius) / size) + 1,
+                           static_cast<int>((p.z() - kLowest) / size) + 1);
+  };
+  BlockGrid grid({side, side, layers});
+  std::vector<int> indices(grid.slots(), -1);  // of moments
   std::vector<Moments> moments;
   for (const pcl::PointXYZI& p : cloud) {
     const Eigen::Vector3f point = p.getVector3fMap();
-    const float distance = point.norm();
-    if (!(distance >= nearest && distance < radius && p.z > kLowest && p.z < kHighest)) continue;
-    const int x = static_cast<int>((p.x + radius) / size) + 1,
-              y = static_cast<int>((p.y + radius) / size) + 1,
-              z = static_cast<int>((p.z - kLowest) / size) + 1;
-    const int cell = (z * side + y) * side + x;
-    int& index = grid[cell];
+    const float squared = point.squaredNorm();
+    if (!(squared >= nearest * nearest && squared < radius * radius && p.z > kLowest && p.z < kHighest))
+      continue;
+    const Eigen::Vector3i cell = cellOf(point);
+    const std::size_t slot = grid.makeSlot(cell.x(), cell.y(), cell.z());
+    if (slot >= indices.size()) indices.resize(grid.slots(), -1);
+    int& index = indices[slot];
     if (index < 0) {
       index = static_cast<int>(moments.size());
       moments.emplace_back();
@@ -111,17 +120,23 @@ Shape::Shape(const Cloud& cloud, const Panorama& panorama, const ShapeOptions& o
     m.intensity += p.intensity;
     m.squared += p.intensity * p.intensity;
   }
-  std::sort(moments.begin(), moments.end(),
-            [](const Moments& a, const Moments& b) { return a.cell < b.cell; });
-  for (std::size_t i = 0; i < moments.size(); ++i) grid[moments[i].cell] = static_cast<int>(i);
+  // In the order of their cells, whatever that of the points is.
+  std::vector<std::pair<int, int>> order;  // cell, index
+  order.reserve(moments.size());
+  for (std::size_t i = 0; i < moments.size(); ++i) {
+    const Eigen::Vector3i& cell = moments[i].cell;
+    order.emplace_back((cell.z() * side + cell.y()) * side + cell.x(), static_cast<int>(i));
+  }
+  std::sort(order.begin(), order.end());
 
   std::vector<Measured> upright, level;
-  for (const Moments& own : moments) {
+  for (const auto& [number, index] : order) {
+    const Moments& own = moments[index];
     Moments all;
     for (int z = -1; z <= 1; ++z) {
       for (int y = -1; y <= 1; ++y) {
         for (int x = -1; x <= 1; ++x) {
-          const int at = grid[own.cell + (z * side + y) * side + x];
+          const int at = indices[grid.slot(own.cell.x() + x, own.cell.y() + y, own.cell.z() + z)];
           if (at < 0) continue;
           all.count += moments[at].count;
           all.sum += moments[at].sum;

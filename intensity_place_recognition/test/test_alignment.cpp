@@ -6,6 +6,7 @@
 
 #include "intensity_place_recognition/alignment.h"
 #include "intensity_place_recognition/ground_plan.h"
+#include "intensity_place_recognition/registration.h"
 #include "test_street.h"
 
 namespace intensity_place_recognition {
@@ -156,6 +157,33 @@ TEST(WallDirections, TellTheYawWhereverTheSensorIs) {
       EXPECT_NEAR(0.0, std::remainder(query.bestYaw(place, yaw + error, 0.14) - yaw, 2.0 * M_PI), 0.02)
           << seed;
   }
+}
+
+// Nothing says how far along it a tunnel was entered, and the covariance doesn't pretend to know.
+TEST(Registrar, IsUnsureAlongATunnel) {
+  std::mt19937 random(4);
+  std::normal_distribution<float> noise(0.0f, 0.01f);
+  std::uniform_real_distribution<float> along(-30.0f, 30.0f), across(-4.0f, 4.0f), up(-1.8f, 3.0f);
+  const auto tunnel = [&] {
+    Cloud cloud;
+    for (int i = 0; i < 60000; ++i) {
+      pcl::PointXYZI p;
+      p.intensity = up(random);
+      if (i % 3 == 0)
+        p.getVector3fMap() << along(random), across(random), -1.8f + noise(random);
+      else
+        p.getVector3fMap() << along(random), (i % 3 == 1 ? 4.0f : -4.0f) + noise(random), up(random);
+      cloud.push_back(p);
+    }
+    return Shape(cloud, toPanorama(cloud, {}, 4), ShapeOptions());
+  };
+  const Shape query = tunnel(), match = tunnel();
+  const Registration found = Registrar(query, {})(match, Street::at(0.1, 0.1, 0.01));
+  const Eigen::Matrix<double, 6, 1> deviations = found.covariance.diagonal().cwiseSqrt();
+  EXPECT_GT(deviations[0], 0.2);
+  EXPECT_LT(deviations[1], 0.02);
+  EXPECT_LT(deviations[2], 0.02);
+  EXPECT_LT(deviations.tail<3>().maxCoeff(), 0.01);
 }
 
 }  // namespace

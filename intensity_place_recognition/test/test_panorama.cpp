@@ -6,6 +6,7 @@
 #include <cmath>
 #include <ctime>
 
+#include "../src/fast_atan2.h"
 #include "intensity_place_recognition/panorama.h"
 
 namespace intensity_place_recognition {
@@ -215,6 +216,18 @@ TEST(Panorama, OfImagesGivesThePointsOfItsPixels) {
     }
   }
   EXPECT_THROW(toCloud(intensity, cv::Mat1f(32, 255, 1.0f), options), std::invalid_argument);
+}
+
+TEST(FastAtan2, IsThatOfTheLibrary) {
+  for (int i = -1000; i <= 1000; ++i) {
+    const float angle = static_cast<float>(M_PI) * static_cast<float>(i) / 1000.0f;
+    for (const float range : {1e-3f, 1.0f, 300.0f}) {
+      const float x = range * std::cos(angle), y = range * std::sin(angle);
+      ASSERT_NEAR(std::atan2(y, x), fastAtan2(y, x), 2e-6f) << x << ' ' << y;
+    }
+  }
+  EXPECT_EQ(0.0f, fastAtan2(0.0f, 0.0f));
+  EXPECT_FLOAT_EQ(static_cast<float>(-M_PI), fastAtan2(-0.0f, -1.0f));
 }
 
 }  // namespace

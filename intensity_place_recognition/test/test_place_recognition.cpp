@@ -32,7 +32,7 @@ class PlaceRecognition : public mapping_common::ToolTest {
     std::istringstream in(mapping_common::readFile(dir_.path(out + "/places.csv")));
     std::string line;
     std::getline(in, line);
-    EXPECT_EQ("query,match,score,accepted,x,y,z,qx,qy,qz,qw,evidence,margin,pieces", line);
+    EXPECT_EQ("query,match,score,accepted,x,y,z,qx,qy,qz,qw,evidence,margin,pieces,refused", line);
     std::vector<Row> rows;
     while (std::getline(in, line)) {
       Row r{};
@@ -82,6 +82,57 @@ TEST_F(PlaceRecognition, FindsVisitsInFoldersInWhateverOrder) {
             mapping_common::readFile(dir_.path("again/places.csv")));
 }
 
+// Of a terrestrial scanner's file: two stations, of which nothing says how they are connected.
+std::string ptx(const std::vector<Cloud>& stations) {
+  std::ostringstream out;
+  for (const Cloud& cloud : stations) {
+    out << cloud.size() << "\n1\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n";
+    for (const pcl::PointXYZI& p : cloud)
+      out << p.x << ' ' << p.y << ' ' << p.z << ' ' << std::clamp(p.intensity, 0.0f, 1.0f) << '\n';
+  }
+  return out.str();
+}
+
+TEST_F(PlaceRecognition, FindsStationsInScanFiles) {
+  std::filesystem::create_directories(dir_.path("tls"));
+  const std::string b = dir_.write("tls/b.ptx", ptx({Street(2).scan(Street::at(1.0, 0.5, -2.0))}));
+  const std::string a =
+      dir_.write("tls/a.ptx",
+                 ptx({Street(1).scan(Street::at(0.0, 0.0, 0.0)), Street(2).scan(Street::at(0.0, 0.0, 0.0))}));
+  dir_.write("tls/c.e57", "nothing of the kind");
+  const std::string log = outputOf("--files " + dir_.path("tls") + " --out " + dir_.path("out"));
+  EXPECT_NE(std::string::npos, log.find("3 of 4 scans described, 1 recognised")) << log;
+  EXPECT_NE(std::string::npos, log.find("scan 3 is left out: ")) << log;
+  EXPECT_NE(std::string::npos, log.find("c.e57")) << log;
+  const std::vector<Row> found = rows("out");
+  ASSERT_EQ(4u, found.size());
+  for (int i = 0; i < 4; ++i) EXPECT_EQ(i == 2, found[i].accepted == 1) << i;
+  EXPECT_EQ(1, found[2].match);
+  EXPECT_NEAR(1.0, found[2].x, 0.1);
+  EXPECT_NEAR(0.5, found[2].y, 0.1);
+  EXPECT_NEAR(-2.0, found[2].yaw, 0.01);
+
+  outputOf("--files " + b + ' ' + a + " --out " + dir_.path("again"));
+  EXPECT_EQ(found[2].x, rows("again").at(2).x);
+}
+
+// A window of a room, which says too little by itself: the reason is told.
+TEST_F(PlaceRecognition, TellsWhyAScanOfARoomIsRefused) {
+  const std::string path = mapping_common::findRecording("tls_formats/pumpA.e57");
+  if (path.empty()) GTEST_SKIP() << mapping_common::withoutRecording("tls_formats/pumpA.e57");
+  std::filesystem::create_directories(dir_.path("again"));
+  std::filesystem::copy(path, dir_.path("again"));
+  const std::string files = "--files " + path + ' ' + dir_.path("again");
+  outputOf(files + " --out " + dir_.path("out"));
+  EXPECT_EQ(0, rows("out").at(1).accepted);
+  EXPECT_NE(std::string::npos,
+            mapping_common::readFile(dir_.path("out/places.csv"))
+                .find("cubes of 2 m with surfaces that both see, less than min_pieces 120"));
+  const std::string config = dir_.write("few.yaml", "registration: {min_pieces: 10}\n");
+  outputOf(files + " --config " + config + " --out " + dir_.path("few"));
+  EXPECT_EQ(1, rows("few").at(1).accepted);
+}
+
 TEST_F(PlaceRecognition, MeasuresPrecisionAndRecallByPoses) {
   std::string poses;
   for (int i = 0; i < 4; ++i) {
@@ -97,7 +148,7 @@ TEST_F(PlaceRecognition, MeasuresPrecisionAndRecallByPoses) {
 }
 
 TEST_F(PlaceRecognition, SaysWhatIsWrong) {
-  EXPECT_NE(std::string::npos, outputOf("", 2).find("give either --scans or --bag"));
+  EXPECT_NE(std::string::npos, outputOf("", 2).find("give either --scans, --files or --bag"));
   EXPECT_NE(std::string::npos, outputOf("--scans /nowhere", 1).find("/nowhere: no such file or folder"));
   std::filesystem::create_directory(dir_.path("empty"));
   EXPECT_NE(std::string::npos, outputOf("--scans " + dir_.path("empty"), 1).find("not recognised"));

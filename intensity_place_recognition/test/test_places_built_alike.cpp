@@ -9,6 +9,7 @@
 #include <mapping_simulation/trajectory.h>
 #include <mapping_simulation/world.h>
 
+#include <Eigen/Cholesky>
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -83,6 +84,51 @@ TEST(PlacesBuiltAlike, InACityAreToldApartByWhatTheyReflect) {
   EXPECT_EQ(0, drive.counts().wrong);
   EXPECT_EQ(12, drive.counts().visits_again);
   EXPECT_GE(drive.counts().accepted, 7);
+}
+
+// Errors of poses are as large as their covariances say, in all and about each axis.
+TEST(PlacesBuiltAlike, InACityHavePosesWhoseCovariancesAreRight) {
+  mapping_simulation::CityOptions city;
+  city.places = 20;
+  city.seed = 21;
+  city.random_order = false;
+  SensorConfig sensor = mapping_simulation::loadSensor(config("simulator/velodyne_hdl64e.yaml"));
+  sensor.columns /= 2;
+  sensor.angle_increment *= 2.0;
+  const PlaceRecognizer recognizer;
+  std::vector<mapping_simulation::PosedScan> first;
+  Eigen::Matrix<double, 6, 1> squares = Eigen::Matrix<double, 6, 1>::Zero();
+  double all = 0.0;
+  int count = 0;
+  for (const mapping_simulation::CityVisit& visit : mapping_simulation::cityVisits(city)) {
+    const mapping_simulation::Trajectory base({mapping_simulation::TimedPose{0.0, visit.pose}});
+    const mapping_simulation::PosedScan scan =
+        toPosedScan(sensor, sweep(sensor, cityAt(city, visit), base, 0.0, 900u + count + 100u * visit.visit));
+    ++count;
+    if (visit.visit == 0) {
+      first.push_back(scan);
+      continue;
+    }
+    const mapping_simulation::PosedScan& match = first.at(visit.place);
+    const Eigen::Isometry3d truth = match.pose.inverse() * scan.pose;
+    Eigen::Isometry3d guess = truth;
+    guess.translation() += Eigen::Vector3d(0.1, -0.1, 0.05);
+    const Place query = recognizer.describe(scan.cloud), place = recognizer.describe(match.cloud);
+    const Registration found = Registrar(query.shape, recognizer.options().registration)(place.shape, guess);
+    ASSERT_LT((found.pose.translation() - truth.translation()).norm(), 0.3) << visit.place;
+    const Eigen::Isometry3d difference = found.pose * truth.inverse();
+    const Eigen::AngleAxisd turn(difference.rotation());
+    Eigen::Matrix<double, 6, 1> error;
+    error << difference.translation(), turn.angle() * turn.axis();
+    squares += error.cwiseAbs2().cwiseQuotient(found.covariance.diagonal()) / city.places;
+    all += error.dot(found.covariance.ldlt().solve(error)) / (6.0 * city.places);
+  }
+  EXPECT_GT(all, 0.5);
+  EXPECT_LT(all, 2.0);
+  for (int i = 0; i < 6; ++i) {
+    EXPECT_GT(squares[i], 0.25) << "axis " << i;
+    EXPECT_LT(squares[i], 4.0) << "axis " << i;
+  }
 }
 
 TEST(PlacesBuiltAlike, InABuildingAreRefused) {

@@ -6,6 +6,7 @@
 #include <mapping_common/tool.h>
 #include <rosbag_tests/converters/bag_scans.h>
 #include <rosbag_tests/converters/scan_files.h>
+#include <rosbag_tests/converters/terrestrial_scans.h>
 
 #include <Eigen/Cholesky>
 #include <algorithm>
@@ -31,17 +32,18 @@ using ibuild_loop_closure::CurvePoint;
 namespace {
 
 const char kUsage[] =
-    "Usage: place_recognition --scans DIR [DIR...] [--poses FILE] | --bag FILE [--cloud TOPIC]   [options]\n"
+    "Usage: place_recognition --scans DIR [DIR...] [--poses FILE] | --files FILE [FILE...] |\n"
+    "                         --bag FILE [--cloud TOPIC]   [options]\n"
     "\n"
     "Compares each scan with those before it, in the order of the folders' and files' names, and writes "
     "which shows\n"
     "the place of which, the pose between them, similarities, times and, with poses, precision and recall.\n";
 
 struct Arguments {
-  std::vector<std::string> scans;
+  std::vector<std::string> scans, files;
   std::string poses, bag, out = "out", config, save;
   rosbag_tests::BagScansOptions bag_options;
-  double distance = 5.0;
+  double distance = 5.0, voxel = 0.05;
   int gap = 1, pictures = 50;
   PlaceRecognizerOptions recognizer;
 };
@@ -54,6 +56,10 @@ bool parse(int argc, char** argv, Arguments& a) {
       "folders of scans: NNNN.bin[.xz] (KITTI's, or a Livox scanner's as in HeLiPR), PCD or UOS");
   add("poses", po::value(&a.poses),
       "pose file of the .bin scans of one folder; by default its poses*.txt, if any");
+  add("files", po::value(&a.files)->composing()->multitoken(),
+      "files of a terrestrial scanner (E57, PTX, PTS, ASC), of one scan or several, or folders of them");
+  add("voxel", po::value(&a.voxel)->default_value(a.voxel),
+      "m, edge of voxels of which each becomes the mean of its points in --files; 0: all points");
   add("bag", po::value(&a.bag), "ROS 1 bag");
   add("cloud", po::value(&a.bag_options.topic), "its PointCloud2 topic; by default the only one");
   add("fixed-frame", po::value(&a.bag_options.fixed_frame)->default_value(""),
@@ -72,7 +78,10 @@ bool parse(int argc, char** argv, Arguments& a) {
   add("image", po::value(&image), "intensity | range, that is described of a panorama");
   add("views", po::value(&views), "panorama | front | front_and_back");
   if (!mapping_common::parseArguments(argc, argv, kUsage, all)) return false;
-  if (a.scans.empty() == a.bag.empty()) throw po::error("give either --scans or --bag");
+  if (int(a.scans.empty()) + int(a.files.empty()) + int(a.bag.empty()) != 2)
+    throw po::error("give either --scans, --files or --bag");
+  if (!(a.voxel == 0.0 || (a.voxel >= 1e-3 && a.voxel < 10.0)))
+    throw po::error("--voxel is 0, or 0.001 to 10 m");
   if (!a.poses.empty() && a.scans.size() != 1) throw po::error("--poses is for one folder of --scans");
   if (a.gap < 1) throw po::error("--gap is at least 1");
   mapping_common::OptionValues values;
@@ -103,7 +112,6 @@ struct Scan {
 struct Source {
   std::string name;
   std::unique_ptr<rosbag_tests::ScanSource> scans;
-  bool has_poses;
 };
 
 // The same whatever order they were given in.
@@ -111,11 +119,11 @@ std::vector<Source> openAll(const Arguments& a) {
   std::vector<Source> sources;
   if (!a.bag.empty()) {
     rosbag_tests::BagScansOptions options = a.bag_options;
-    const bool has_poses = !options.fixed_frame.empty();
-    options.need_poses = has_poses;
-    sources.push_back({a.bag, std::make_unique<rosbag_tests::BagScans>(a.bag, options), has_poses});
-    return sources;
+    options.need_poses = !options.fixed_frame.empty();
+    sources.push_back({a.bag, std::make_unique<rosbag_tests::BagScans>(a.bag, options)});
   }
+  // Their names are whole paths, and their poses are in one frame, if any are known.
+  if (!a.files.empty()) sources.push_back({"", rosbag_tests::openTerrestrialScans(a.files, a.voxel)});
   std::vector<std::string> folders;
   for (const std::string& folder : a.scans) {
     if (!fs::exists(folder)) throw std::runtime_error(folder + ": no such file or folder");
@@ -123,22 +131,9 @@ std::vector<Source> openAll(const Arguments& a) {
   }
   std::sort(folders.begin(), folders.end());
   folders.erase(std::unique(folders.begin(), folders.end()), folders.end());
-  for (const std::string& folder : folders) {
-    auto scans = rosbag_tests::openScans(folder, a.poses, rosbag_tests::PcdFrame::kMap, false);
-    // Without any, all are the identity.
-    std::size_t moved = 0;
-    sources.push_back({folder, std::move(scans), false});
-    mapping_simulation::PosedScan scan;
-    for (int i = 0; i < 3 && moved == 0; ++i) {
-      try {
-        if (!sources.back().scans->next(scan)) break;
-        moved += !scan.pose.matrix().isIdentity(1e-9);
-      } catch (const std::runtime_error&) {  // said below
-      }
-    }
-    sources.back().has_poses = moved > 0;
-    sources.back().scans->rewind();
-  }
+  for (const std::string& folder : folders)
+    sources.push_back(
+        {folder, rosbag_tests::openScans(folder, a.poses, rosbag_tests::PcdFrame::kMap, false)});
   return sources;
 }
 
@@ -158,6 +153,8 @@ std::vector<Recognition> recognizeAll(std::vector<Source>& sources, const Argume
   std::vector<int> scan_of_place;
   mapping_simulation::PosedScan posed;
   for (std::size_t s = 0; s < sources.size(); ++s) {
+    const std::size_t first = scans.size();
+    bool moved = false;  // without poses, all are the identity
     for (std::size_t left = sources[s].scans->size(); left > 0; --left) {
       Scan scan;
       scan.folder = static_cast<int>(s);
@@ -166,7 +163,8 @@ std::vector<Recognition> recognizeAll(std::vector<Source>& sources, const Argume
         if (!sources[s].scans->next(posed)) break;
         scan.name = (fs::path(sources[s].name) / posed.name).string();
         scan.pose = posed.pose;
-        scan.has_pose = sources[s].has_poses;
+        scan.has_pose = true;
+        moved = moved || !scan.pose.matrix().isIdentity(1e-9);
         const double start = processorTime();
         double last = start;
         double seconds[kStages + 1] = {};
@@ -191,19 +189,21 @@ std::vector<Recognition> recognizeAll(std::vector<Source>& sources, const Argume
         scan.refused = e.what();
       }
       if (!scan.refused.empty())
-        std::cerr << "place_recognition: scan " << scans.size() << ' ' << scan.name
+        std::cerr << "place_recognition: scan " << scans.size() << (scan.name.empty() ? "" : " ") << scan.name
                   << " is left out: " << scan.refused << '\n';
       result.query = static_cast<int>(scans.size());
       found.push_back(result);
       scans.push_back(std::move(scan));
     }
+    for (std::size_t i = first; i < scans.size(); ++i) scans[i].has_pose = scans[i].has_pose && moved;
   }
   return found;
 }
 
-void writePlaces(const std::vector<Recognition>& found, const std::string& path) {
+void writePlaces(const std::vector<Recognition>& found, const PlaceRecognizerOptions& options,
+                 const std::string& path) {
   mapping_common::writeFile(path, [&](std::ostream& out) {
-    out << "query,match,score,accepted,x,y,z,qx,qy,qz,qw,evidence,margin,pieces\n"
+    out << "query,match,score,accepted,x,y,z,qx,qy,qz,qw,evidence,margin,pieces,refused\n"
         << std::fixed << std::setprecision(6);
     for (const Recognition& r : found) {
       const Eigen::Vector3d t = r.registration.pose.translation();
@@ -212,7 +212,7 @@ void writePlaces(const std::vector<Recognition>& found, const std::string& path)
       out << r.query << ',' << r.match << ',' << r.registration.score << ',' << r.registration.accepted;
       for (const double value : {t.x(), t.y(), t.z(), q.x(), q.y(), q.z(), q.w()}) out << ',' << value;
       out << ',' << r.registration.evidence << ',' << r.margin << ',' << r.registration.intensity.pieces
-          << '\n';
+          << ',' << std::quoted(refusal(r, options), '"', '"') << '\n';
     }
   });
 }
@@ -339,7 +339,7 @@ void writeTimes(const Times& times, const std::string& path) {
       out << (i < kStages ? stageName(static_cast<Stage>(i)) : "All") << ','
           << 1e3 * times.sum[i] / std::max(1, times.count) << ',' << 1e3 * times.longest[i] << '\n';
   });
-  std::cout << std::setprecision(1)
+  std::cout << std::fixed << std::setprecision(1)
             << "Processor time per scan: " << 1e3 * times.sum[kStages] / std::max(1, times.count)
             << " ms, at most " << 1e3 * times.longest[kStages] << " ms\n";
 }
@@ -353,7 +353,7 @@ void run(const Arguments& a) {
   const std::vector<Recognition> found = recognizeAll(sources, a, recognizer, scans, times);
   if (recognizer.places() == 0) throw std::runtime_error("there is no scan that can be described");
 
-  writePlaces(found, a.out + "/places.csv");
+  writePlaces(found, a.recognizer, a.out + "/places.csv");
   mapping_common::writeFile(a.out + "/scans.csv", [&](std::ostream& out) {
     out << "number,file,refused\n";
     for (std::size_t i = 0; i < scans.size(); ++i)

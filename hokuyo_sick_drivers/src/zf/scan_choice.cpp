@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "scan_choice.h"
+#include "hokuyo_sick_drivers/zf/scan_choice.h"
 
 #include <algorithm>
 #include <array>

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <vector>
 
 #include "intensity_place_recognition/shape.h"
@@ -35,7 +36,7 @@ class GroundPlan {
   /// That of the same sensor turned by half a turn more.
   GroundPlan halfTurned() const;
 
-  bool empty() const { return real_.empty(); }
+  bool empty() const { return spectrum_.empty(); }
 
   struct Shift {
     float correlation = -1.0f;  ///< of what stands where and of how light it is together, -1 to 1
@@ -48,11 +49,12 @@ class GroundPlan {
   std::vector<Shift> bestShifts(const GroundPlan& place, float reach, std::size_t count) const;
 
  private:
-  /// Of (2 shifts + 1) x (2 shifts + 1) shifts. @param step cells @param highest frequency
-  std::vector<float> correlations(const GroundPlan& place, int step, int shifts, int highest) const;
+  /// Of (2 shifts + 1) x (2 shifts + 1) shifts. @param step cells, 1 or 2 @param roughly by the lower half of
+  ///   the frequencies
+  std::vector<float> correlations(const GroundPlan& place, int step, int shifts, bool roughly) const;
 
-  std::vector<float> real_,
-      imaginary_;  // channels x frequencies along y, from negative ones, x along x, from 0
+  std::vector<std::int16_t> spectrum_;
+  float step_ = 0.0f;  // that its values are multiples of
 };
 
 }  // namespace intensity_place_recognition

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "intensity_place_recognition/block_grid.h"
 #include "intensity_place_recognition/shape.h"
 
 namespace intensity_place_recognition {
@@ -21,7 +22,8 @@ class PatchGrid {
   const Shape* shape_;
   Eigen::Vector3f origin_ = Eigen::Vector3f::Zero();
   Eigen::Vector3i size_ = Eigen::Vector3i::Zero();  // with an empty cell around
-  std::vector<std::int32_t> first_, next_;          // of each cell; after each patch; -1: none
+  BlockGrid grid_;
+  std::vector<std::int32_t> first_, next_;  // of each cell; after each patch; -1: none
 };
 
 /// Which patch is about the nearest to any point, from a grid of all answers.
@@ -32,9 +34,8 @@ class PatchField {
   const Patch* nearest(const Eigen::Vector3f& point) const {
     const Eigen::Vector3f at = (point - origin_) / kCell;
     if (!((at.array() >= 0.0f).all() && (at.array() < size_.cast<float>().array()).all())) return nullptr;
-    const Eigen::Vector3i cell = at.cast<int>();
     const std::int32_t found =
-        index_[(static_cast<std::size_t>(cell.z()) * size_.y() + cell.y()) * size_.x() + cell.x()];
+        index_[grid_.slot(static_cast<int>(at.x()), static_cast<int>(at.y()), static_cast<int>(at.z()))];
     return found < 0 ? nullptr : &shape_->patches()[found];
   }
 
@@ -44,7 +45,8 @@ class PatchField {
   const Shape* shape_;
   Eigen::Vector3f origin_ = Eigen::Vector3f::Zero();
   Eigen::Vector3i size_ = Eigen::Vector3i::Zero();
-  std::vector<std::int32_t> index_;
+  BlockGrid grid_;
+  std::vector<std::int32_t> index_;  // of the patch, -1: none
 };
 
 }  // namespace intensity_place_recognition

@@ -23,9 +23,9 @@ struct PlaceRecognizerOptions {
   int largest_hole = 4;
   DescriptionOptions description;
   ShapeOptions shape;
-  int neighbours = 1000, turns = 3, plans = 200, candidates = 60, registrations = 2;
+  int neighbours = 1000, turns = 3, plans = 400, candidates = 250, alignments = 20, registrations = 2;
   int matches = 1;
-  double min_margin = 1.5;
+  double min_margin = 1.25;
   int beta = 0;
   RegistrationOptions registration;
 
@@ -51,6 +51,8 @@ struct Recognition {
 
 /// At least 1 where a place is accepted: how far the criterion that is met the least is above its threshold.
 double confidence(const Recognition& recognition, const PlaceRecognizerOptions& options);
+/// Why the most likely place isn't accepted; empty where it is.
+std::string refusal(const Recognition& recognition, const PlaceRecognizerOptions& options);
 
 enum class Stage { kPanorama, kDescription, kShape, kSearch, kVerification };
 constexpr int kStages = 5;
@@ -88,14 +90,14 @@ class PlaceRecognizer {
   /// A place and a pose there that a scan may have been taken from.
   struct Hypothesis {
     int place = -1;
-    float similarity = 0.0f;   ///< of the descriptions
-    float correlation = 0.0f;  ///< of the plans
-    int turn = 0;              ///< of the plan
+    float similarity = 0.0f;  ///< of the descriptions
     Alignment alignment;
     double quality() const { return alignment.fit * std::max(0.0, alignment.intensity.value); }
   };
   /// The best by what stands where and how light it is, seen from above.
   std::vector<Hypothesis> hypotheses(const Place& place, int before) const;
+  /// Roughly, and the best of them better; these are left, the best first.
+  void align(const Aligner& aligner, std::vector<Hypothesis>& all) const;
   double margin(const Hypothesis& best, const Registration& found, const std::vector<Hypothesis>& all) const;
 
   PlaceRecognizerOptions options_;

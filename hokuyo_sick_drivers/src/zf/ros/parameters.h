@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "zf/scan_choice.h"
+#include "hokuyo_sick_drivers/zf/scan_choice.h"
 
 namespace hokuyo_sick_drivers {
 
