@@ -118,6 +118,7 @@ bool GridMap::isOpen(const Eigen::Vector2d& point, double sure_free) const {
 
 void GridMap::update(const Scan& scan, const Pose& pose, const MapOptions& options,
                      const std::vector<bool>& appeared) {
+  updated_.setEmpty();
   const Eigen::Vector2i from = cellAt(transform(pose, scan.origin.cast<double>()));
   if (!box_.contains(from)) return;
   const Eigen::Isometry2d to_map = isometry(pose);
@@ -134,6 +135,7 @@ void GridMap::update(const Scan& scan, const Pose& pose, const MapOptions& optio
     free_ends_.push_back(at);
     box.extend(at);
   }
+  updated_ = box;
   marks_.reset(box);
   for (std::size_t i = 0; i < ends_.size(); ++i) {
     if (!box_.contains(ends_[i])) continue;

@@ -200,6 +200,44 @@ TEST_F(SlamNodeletTest, ServicesAreThoseOfHectorMapping) {
   EXPECT_FALSE(call(ns + "restart_mapping_with_new_pose", nonsense));
 }
 
+// Only what changed is sent to the thread that publishes.
+TEST_F(SlamNodeletTest, PublishesTheMapAsItIs) {
+  setParam("map_size", 128);  // so that it grows
+  Recorder<nav_msgs::OccupancyGrid> maps(node_, "map"), reflectivity(node_, "reflectivity_map");
+  ASSERT_TRUE(load());
+  const auto expectTheMap = [&] {
+    const std::string ns = "/" + test_ + "/";
+    nav_msgs::GetMap is;
+    ASSERT_TRUE(call(ns + "dynamic_map", is));
+    const nav_msgs::OccupancyGrid& map = is.response.map;
+    ASSERT_TRUE(waitFor([&] {
+      return !maps.messages.empty() && !reflectivity.messages.empty() &&
+             maps.messages.back().data == map.data &&
+             reflectivity.messages.back().header.stamp == map.header.stamp;
+    }));
+    EXPECT_EQ(map.info, maps.messages.back().info);
+    EXPECT_EQ(map.info, reflectivity.messages.back().info);
+    // What is hit is occupied.
+    for (std::size_t i = 0; i < map.data.size(); ++i)
+      ASSERT_TRUE(reflectivity.messages.back().data[i] < 0 || map.data[i] == 100) << i;
+  };
+  for (int i = 0; i < 40; i += 8) {
+    ASSERT_TRUE(drive(i, i + 8));
+    expectTheMap();
+  }
+  const auto shown = [&] {
+    const auto& data = reflectivity.messages.back().data;
+    return std::count_if(data.begin(), data.end(), [](int value) { return value > 0; });
+  };
+  EXPECT_GT(shown(), 500);
+  std_srvs::Trigger reset;
+  ASSERT_TRUE(call("/" + test_ + "/reset_map", reset));
+  expectTheMap();
+  EXPECT_EQ(0, shown());
+  ASSERT_TRUE(drive(40, 42));
+  expectTheMap();
+}
+
 TEST_F(SlamNodeletTest, MapsAreSavedAndLocalizedIn) {
   const mapping_common::TempDir dir;
   ASSERT_TRUE(load());

@@ -127,6 +127,9 @@ class GridMap {
   void update(const Scan& scan, const Pose& pose, const MapOptions& options,
               const std::vector<bool>& appeared = {});
 
+  /// Cells that the last update may have changed.
+  const Eigen::AlignedBox2i& updated() const { return updated_; }
+
   /// Whether a point of the map frame (m) is in a cell with less than this occupancy, and none of the cells
   /// around is occupied.
   bool isOpen(const Eigen::Vector2d& point, double sure_free) const;
@@ -138,6 +141,11 @@ class GridMap {
 
   /// Sets all of a cell, which is in box().
   void set(int x, int y, const Cell& cell, std::uint16_t count);
+  /// Of a cell in its tile's arrays.
+  static std::size_t indexIn(int x, int y) {
+    constexpr int kMask = kTileSide - 1;
+    return static_cast<std::size_t>(y & kMask) << kTileBits | (x & kMask);
+  }
   /// Calls `use` for each tile in which something was observed, with the tile and the box of its cells that
   /// are in box(), row by row.
   template <class Use>
@@ -180,10 +188,6 @@ class GridMap {
     explicit TilePointer(Tile* tile) : tile_(tile) {}
     Tile* tile_ = &unknown_;
   };
-  static std::size_t indexIn(int x, int y) {
-    constexpr int kMask = kTileSide - 1;
-    return static_cast<std::size_t>(y & kMask) << kTileBits | (x & kMask);
-  }
   // In tiles_.
   std::size_t indexOf(int x, int y) const {
     const unsigned column = (x >> kTileBits) - first_tile_.x(), row = (y >> kTileBits) - first_tile_.y();
@@ -217,7 +221,7 @@ class GridMap {
   void applyMarks(const MapOptions& options);
 
   double resolution_ = 0.0;
-  Eigen::AlignedBox2i box_;
+  Eigen::AlignedBox2i box_, updated_;
   Eigen::Vector2i first_tile_ = Eigen::Vector2i::Zero();
   unsigned columns_ = 0, rows_ = 0, column_bits_ = 0;  // of tiles; in memory 2^column_bits_ columns
   std::vector<TilePointer> tiles_ = std::vector<TilePointer>(1);  // one for what is outside, then row by row

@@ -128,8 +128,8 @@ void SlamNodelet::start(mapping_common::Parameters& reader) {
   if (parameters_.loops && !parameters_.map_with_known_poses)
     loops_ = std::make_unique<LoopThread>(parameters_.loop, parameters_.slam);
 
-  map_timer_ =
-      every(parameters_.map_pub_period, [this] { publisher_->publishMaps(last_stamp_, slam_->map()); });
+  map_timer_ = every(parameters_.map_pub_period,
+                     [this] { publisher_->maps().publish(last_stamp_, slam_->map().level(0)); });
   allowReconfiguration<SlamParameters>(parameters_,
                                        [this](const SlamParameters& changed) { reconfigure(changed); });
   offerServices();
@@ -174,7 +174,9 @@ void SlamNodelet::offerServices() {
   });
   if (parameters_.advertise_map_service) {
     serve<nav_msgs::GetMap>(node, "dynamic_map", [this](auto&, auto& response) {
-      response.map = publisher_->occupancyGrid(last_stamp_, slam_->map());
+      response.map = toOccupancyGrid(slam_->map().level(0));
+      response.map.header.frame_id = parameters_.map_frame;
+      response.map.header.stamp = response.map.info.map_load_time = last_stamp_;
     });
   }
 }
@@ -245,6 +247,7 @@ void SlamNodelet::process(const sensor_msgs::LaserScan& message, const Arrivals:
   } else {
     last_ = slam_->process(scan, parameters_.usesOdometry() ? body : std::nullopt);
   }
+  if (last_.map_updated) publisher_->maps().changed(slam_->map().level(0).updated());
   const double time = (ros::WallTime::now() - start).toSec();
   publisher_->publishCloud(message, reading);
   if (!parameters_.map_with_known_poses) {

@@ -12,43 +12,70 @@ namespace {
 
 constexpr std::int8_t kUnknown = -1;
 
-// @param value of the cell in a column and a row; not called where nothing was observed
+// @param value of the cell at a place in the tile's arrays
 template <class Value>
-nav_msgs::OccupancyGrid toGrid(const GridMap& map, const Value& value) {
-  nav_msgs::OccupancyGrid grid;
-  grid.info.resolution = static_cast<float>(map.resolution());
-  grid.info.width = map.width();
-  grid.info.height = map.height();
-  grid.info.origin.position.x = map.origin().x();
-  grid.info.origin.position.y = map.origin().y();
-  grid.info.origin.orientation.w = 1.0;
-  grid.data.assign(static_cast<std::size_t>(map.width()) * map.height(), kUnknown);
-  map.forTiles([&](const GridMap::Tile&, const Eigen::AlignedBox2i& box) {
-    const Eigen::Vector2i first = map.box().min();
-    for (int y = box.min().y(); y <= box.max().y(); ++y) {
-      std::int8_t* to =
-          &grid.data[static_cast<std::size_t>(y - first.y()) * map.width() + box.min().x() - first.x()];
-      for (int x = box.min().x(); x <= box.max().x(); ++x) *to++ = value(x, y);
-    }
+std::vector<std::int8_t> valuesOf(const Eigen::AlignedBox2i& cells, const Value& value) {
+  std::vector<std::int8_t> values(static_cast<std::size_t>((cells.sizes().array() + 1).prod()));
+  std::int8_t* to = values.data();
+  for (int y = cells.min().y(); y <= cells.max().y(); ++y) {
+    const std::size_t first = GridMap::indexIn(cells.min().x(), y);
+    for (int i = 0; i <= cells.sizes().x(); ++i) *to++ = value(first + i);
+  }
+  return values;
+}
+
+template <class ValuesOf>
+nav_msgs::OccupancyGrid toGrid(const GridMap& map, const ValuesOf& values_of) {
+  nav_msgs::OccupancyGrid grid = unknownGrid(map.resolution(), map.box());
+  map.forTiles([&](const GridMap::Tile& tile, const Eigen::AlignedBox2i& cells) {
+    draw(cells, values_of(tile, cells), map.box(), grid);
   });
   return grid;
 }
 
 }  // namespace
 
-nav_msgs::OccupancyGrid toOccupancyGrid(const GridMap& map) {
-  return toGrid(map, [&map](int x, int y) -> std::int8_t {
-    const GridMap::Cell& cell = map.cell(x, y);
+nav_msgs::OccupancyGrid unknownGrid(double resolution, const Eigen::AlignedBox2i& box) {
+  nav_msgs::OccupancyGrid grid;
+  grid.info.resolution = static_cast<float>(resolution);
+  grid.info.width = box.sizes().x() + 1;
+  grid.info.height = box.sizes().y() + 1;
+  grid.info.origin.position.x = resolution * box.min().x();
+  grid.info.origin.position.y = resolution * box.min().y();
+  grid.info.origin.orientation.w = 1.0;
+  grid.data.assign(static_cast<std::size_t>(grid.info.width) * grid.info.height, kUnknown);
+  return grid;
+}
+
+std::vector<std::int8_t> occupancyOf(const GridMap::Tile& tile, const Eigen::AlignedBox2i& cells) {
+  return valuesOf(cells, [&tile](std::size_t at) -> std::int8_t {
+    const GridMap::Cell& cell = tile.cells[at];
     return GridMap::isKnown(cell) ? (GridMap::isOccupied(cell) ? 100 : 0) : kUnknown;
   });
 }
 
-nav_msgs::OccupancyGrid toReflectivityGrid(const GridMap& map) {
-  return toGrid(map, [&map](int x, int y) -> std::int8_t {
-    if (map.count(x, y) == 0) return kUnknown;
-    return static_cast<std::int8_t>(
-        std::lround(100.0f * std::clamp(map.cell(x, y).reflectivity, 0.0f, 1.0f)));
+std::vector<std::int8_t> reflectivityOf(const GridMap::Tile& tile, const Eigen::AlignedBox2i& cells) {
+  return valuesOf(cells, [&tile](std::size_t at) -> std::int8_t {
+    if (tile.counts[at] == 0) return kUnknown;
+    return static_cast<std::int8_t>(100.0f * std::clamp(tile.cells[at].reflectivity, 0.0f, 1.0f) + 0.5f);
   });
+}
+
+void draw(const Eigen::AlignedBox2i& cells, const std::vector<std::int8_t>& values,
+          const Eigen::AlignedBox2i& box, nav_msgs::OccupancyGrid& grid) {
+  const std::ptrdiff_t columns = cells.sizes().x() + 1;
+  const Eigen::Vector2i first = cells.min() - box.min();
+  for (std::ptrdiff_t row = 0; row <= cells.sizes().y(); ++row)
+    std::copy_n(values.begin() + row * columns, columns,
+                grid.data.begin() + (first.y() + row) * grid.info.width + first.x());
+}
+
+nav_msgs::OccupancyGrid toOccupancyGrid(const GridMap& map) {
+  return toGrid(map, occupancyOf);
+}
+
+nav_msgs::OccupancyGrid toReflectivityGrid(const GridMap& map) {
+  return toGrid(map, reflectivityOf);
 }
 
 mapping_msgs::EdgeConstraint toMessage(const Edge& edge, const std::string& map_frame,

@@ -17,11 +17,9 @@ namespace intensity_hector_slam {
 
 SlamPublisher::SlamPublisher(ros::NodeHandle& node, const SlamParameters& parameters)
     : parameters_(parameters),
-      key_poses_(parameters.key_pose_distance, parameters.key_pose_angle, parameters.drift) {
+      key_poses_(parameters.key_pose_distance, parameters.key_pose_angle, parameters.drift),
+      maps_(node, parameters.map_frame) {
   path_.header.frame_id = parameters_.map_frame;
-  map_publisher_ = node.advertise<nav_msgs::OccupancyGrid>("map", 1, true);
-  metadata_publisher_ = node.advertise<nav_msgs::MapMetaData>("map_metadata", 1, true);
-  reflectivity_publisher_ = node.advertise<nav_msgs::OccupancyGrid>("reflectivity_map", 1, true);
   pose_publisher_ = node.advertise<geometry_msgs::PoseStamped>("slam_out_pose", 1000);
   update_publisher_ =
       node.advertise<geometry_msgs::PoseWithCovarianceStamped>(parameters_.pose_update_topic, 10);
@@ -115,30 +113,10 @@ void SlamPublisher::publishCloud(const sensor_msgs::LaserScan& scan,
     cloud_publisher_.publish(toPointCloud(scan, reading, parameters_.scan));
 }
 
-void SlamPublisher::publishMaps(const ros::Time& stamp, const MultiMap& map) {
-  if (published_updates_ == map.updates()) return;
-  published_updates_ = map.updates();
-  const nav_msgs::OccupancyGrid occupancy = occupancyGrid(stamp, map);
-  map_publisher_.publish(occupancy);
-  metadata_publisher_.publish(occupancy.info);
-  reflectivity_publisher_.publish(stamped(stamp, toReflectivityGrid(map.level(0))));
-}
-
-nav_msgs::OccupancyGrid SlamPublisher::occupancyGrid(const ros::Time& stamp, const MultiMap& map) const {
-  return stamped(stamp, toOccupancyGrid(map.level(0)));
-}
-
-nav_msgs::OccupancyGrid SlamPublisher::stamped(const ros::Time& stamp, nav_msgs::OccupancyGrid grid) const {
-  grid.header.stamp = stamp;
-  grid.header.frame_id = parameters_.map_frame;
-  grid.info.map_load_time = stamp;
-  return grid;
-}
-
 void SlamPublisher::restart() {
   key_poses_.breakChain();
   path_.poses.clear();
-  published_updates_.reset();
+  maps_.restart();
   last_without_odometry_.reset();
 }
 
@@ -146,7 +124,7 @@ void SlamPublisher::correct(const ros::Time& stamp, const Pose& correction) {
   key_poses_.correct(correction);
   for (auto& pose : path_.poses)
     if (pose.header.stamp > stamp) pose.pose = toMessage(compose(correction, toPose(pose.pose)));
-  published_updates_.reset();
+  maps_.restart();
 }
 
 std::optional<Pose> SlamPublisher::keyPoseAt(const ros::Time& stamp) const {

@@ -9,6 +9,7 @@
 #include <mapping_common/arrivals.h>
 #include <mapping_common/laser_faults.h>
 #include <mapping_common/nodelet.h>
+#include <mapping_common/worker.h>
 #include <mapping_msgs/LoadMap.h>
 #include <mapping_msgs/SaveMap.h>
 #include <pose_graph/AddEdge.h>
@@ -35,7 +36,6 @@
 #include <utility>
 #include <vector>
 
-#include "../worker.h"
 #include "pose_graph/g2o_file.h"
 #include "pose_graph/graph_keeper.h"
 #include "pose_graph/key_sensors.h"
@@ -52,6 +52,7 @@ namespace {
 
 using mapping_common::Arrivals;
 using mapping_common::withoutSlash;
+using mapping_common::Worker;
 using mapping_msgs::EdgeConstraint;
 using std_srvs::Trigger;
 

@@ -12,13 +12,15 @@
 #include <stdexcept>
 #include <utility>
 
-#include "../worker.h"
 #include "pose_graph/maps.h"
 #include "pose_graph/ros/conversions.h"
 
 namespace pose_graph {
 namespace {
 
+using mapping_common::Worker;
+
+constexpr int kNice = 10;      // of the thread that makes maps
 constexpr double kWait = 5.0;  // s, for the front end to go over to a corrected map
 
 }  // namespace
@@ -37,7 +39,7 @@ CorrectedMaps::CorrectedMaps(ros::NodeHandle& node, const PoseGraphParameters& p
       parameters_(parameters),
       grid_(node.advertise<mapping_msgs::CorrectedMap>("corrected_map", 1)),
       cells_(node.advertise<mapping_msgs::CorrectedMap>("corrected_cloud_map", 1)),
-      worker_(std::make_unique<Worker>()) {}
+      worker_(std::make_unique<Worker>(kNice)) {}
 CorrectedMaps::~CorrectedMaps() = default;
 
 void CorrectedMaps::restart() {

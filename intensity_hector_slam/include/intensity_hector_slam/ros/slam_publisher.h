@@ -2,8 +2,8 @@
 #pragma once
 
 #include <intensity_hector_slam/key_poses.h>
+#include <intensity_hector_slam/ros/map_publisher.h>
 #include <intensity_hector_slam/ros/parameters.h>
-#include <nav_msgs/OccupancyGrid.h>
 #include <nav_msgs/Path.h>
 #include <ros/ros.h>
 #include <tf2_ros/transform_broadcaster.h>
@@ -34,9 +34,8 @@ class SlamPublisher {
                          bool odometry_exists);
   /// The ends of the beams, if somebody wants them.
   void publishCloud(const sensor_msgs::LaserScan& scan, const mapping_common::LaserReading& reading);
-  /// Occupancy and reflectivity of the finest level, unless they were published as they are.
-  void publishMaps(const ros::Time& stamp, const MultiMap& map);
-  nav_msgs::OccupancyGrid occupancyGrid(const ros::Time& stamp, const MultiMap& map) const;
+  /// Of the finest level, which has to be told what changes.
+  MapPublisher& maps() { return maps_; }
 
   /// Key poses so far don't connect to those that follow, and the map is another.
   void restart();
@@ -47,18 +46,16 @@ class SlamPublisher {
 
  private:
   std::optional<NewKeyPose> publishKeyPose(const ros::Time& stamp, const SlamResult& result);
-  nav_msgs::OccupancyGrid stamped(const ros::Time& stamp, nav_msgs::OccupancyGrid grid) const;
 
   SlamParameters parameters_;
   KeyPoses key_poses_;
-  nav_msgs::Path path_;                           // of the key poses
-  std::optional<std::size_t> published_updates_;  // of the map, when it was last published
+  nav_msgs::Path path_;  // of the key poses
+  MapPublisher maps_;
   std::optional<ros::Time> last_without_odometry_;
 
   tf2_ros::TransformBroadcaster broadcaster_;
-  ros::Publisher map_publisher_, metadata_publisher_, reflectivity_publisher_, pose_publisher_,
-      update_publisher_, odometry_publisher_, path_publisher_, edge_publisher_, key_scan_publisher_,
-      cloud_publisher_;
+  ros::Publisher pose_publisher_, update_publisher_, odometry_publisher_, path_publisher_, edge_publisher_,
+      key_scan_publisher_, cloud_publisher_;
 };
 
 }  // namespace intensity_hector_slam

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <mapping_common/worker.h>
 #include <mapping_msgs/CorrectedMap.h>
 #include <ros/node_handle.h>
 #include <ros/publisher.h>
@@ -14,8 +15,6 @@
 #include "pose_graph/ros/parameters.h"
 
 namespace pose_graph {
-
-class Worker;
 
 /// Makes maps anew once loops have moved the poses that they are made along, in a thread of its own, and
 /// publishes them (mapping_msgs/CorrectedMap): the 2D map on `corrected_map`, the R-tree map on
@@ -69,7 +68,7 @@ class CorrectedMaps {
   };
   std::optional<Waiting> waiting_;
   std::string last_ = "none";
-  std::unique_ptr<Worker> worker_;
+  std::unique_ptr<mapping_common::Worker> worker_;
 };
 
 }  // namespace pose_graph

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <sys/resource.h>
+
 #include <condition_variable>
 #include <deque>
 #include <functional>
@@ -9,14 +11,15 @@
 #include <utility>
 #include <vector>
 
-namespace pose_graph {
+namespace mapping_common {
 
 /// Work that ends in another thread than where it began, which is left to go on meanwhile.
 class Worker {
  public:
   using Work = std::function<void()>;
 
-  Worker() : thread_([this] { run(); }) {}
+  /// @param nice of the thread: above 0, others go first
+  explicit Worker(int nice = 0) : thread_([this, nice] { run(nice); }) {}
   /// Ends what is at work, and forgets what waits.
   ~Worker() {
     {
@@ -55,7 +58,8 @@ class Worker {
   }
 
  private:
-  void run() {
+  void run(int nice) {
+    if (nice > 0) setpriority(PRIO_PROCESS, 0, nice);  // on Linux of this thread alone
     std::unique_lock<std::mutex> lock(mutex_);
     while (true) {
       wake_.wait(lock, [this] { return ending_ || !jobs_.empty(); });
@@ -79,4 +83,4 @@ class Worker {
   std::thread thread_;  // the last, as it uses all others
 };
 
-}  // namespace pose_graph
+}  // namespace mapping_common
