@@ -10,129 +10,17 @@ import argparse
 import contextlib
 import glob
 import os
-import re
 import shutil
-import signal
-import socket
 import sqlite3
 import subprocess
-import sys
 import tempfile
 import time
+
+from live_robot import Robot, duration_of, fail
 
 # MB a round that the nodes may grow by: what is kept for good of key poses, places (171 kB each, 107 a round) and images.
 KEPT = 60.0
 ROUND_LIMIT = 600  # s
-
-
-def fail(text):
-    sys.exit('soak: ' + text)
-
-
-class Robot:
-    """roslaunch, the emulated scanner, and what is known of them."""
-
-    def __init__(self, here, session, slam, mapping):
-        self.here, self.session, self.slam, self.mapping = here, session, slam, mapping
-        self.port = free_port()
-        self.logs = 0
-        self.launch = self.emulator = None
-
-    def start(self):
-        """Starts all nodes, waits until the last of them has been started, and then starts the scanner, if it is off."""
-        self.logs += 1
-        self.log = os.path.join(self.here, 'robot_%d.log' % self.logs)
-        workspace = os.getcwd()
-        arguments = ['ip_address:=127.0.0.1', 'ip_port:=%d' % self.port, 'odom_frame:=odom', 'slam_config:=' + self.slam,
-                     'calibration:=%s/laser_intensity_calib/config/reflectivity_hokuyo_utm30lx.yaml' % workspace,
-                     'mapping:=true', 'mapping_config:=' + self.mapping, 'cloud:=velodyne_points', 'resolution:=0.1',
-                     'loop_closure:=true', 'place_recognition:=true', 'pose_graph:=true', 'session_file:=' + self.session]
-        with open(self.log, 'w') as out:
-            self.launch = subprocess.Popen(['roslaunch', '--port', master_port(), 'launch/robot.launch'] + arguments, stdout=out,
-                                           stderr=subprocess.STDOUT)
-        self.wait_for('process\\[pose_graph-.*started')
-        if self.emulator is None:
-            self.start_emulator()
-
-    def wait_for(self, text):
-        """In the nodes' log."""
-        for _ in range(120):
-            time.sleep(0.5)
-            with open(self.log, errors='replace') as file:
-                if re.search(text, file.read()):
-                    return
-        fail('the nodes do not start, see ' + self.log)
-
-    def start_emulator(self):
-        with open(os.path.join(self.here, 'emulator.log'), 'a') as out:
-            self.emulator = subprocess.Popen(['rosrun', 'hokuyo_sick_drivers', 'hokuyo_emulator', '--tcp', str(self.port),
-                                              '--topic', '/simulated_scan'], stdout=out, stderr=subprocess.STDOUT)
-
-    def stop_emulator(self):
-        end(self.emulator, signal.SIGKILL)
-        self.emulator = None
-
-    def manager(self):
-        """The process with all nodelets, or None."""
-        found = [process for process, words in ours() if words[0].endswith(b'/nodelet') and words[1:2] == [b'manager']]
-        return found[0] if found else None
-
-    def memory(self):
-        """Of the manager, MB: the least of some time, in which maps may be made anew."""
-        def now():
-            with open('/proc/%d/status' % self.manager()) as file:
-                return int(re.search(r'VmRSS:\s*(\d+) kB', file.read()).group(1)) / 1024.0
-        return min((now(), time.sleep(0.5))[0] for _ in range(50))
-
-    def kill(self):
-        """As a power cut does, but for the master."""
-        end(self.launch, signal.SIGKILL)
-        for process, words in ours():
-            if words[0].endswith(b'/nodelet'):
-                with contextlib.suppress(OSError):
-                    os.kill(process, signal.SIGKILL)
-        self.launch = None
-
-    def stop(self):
-        end(self.launch, signal.SIGINT)
-        self.launch = None
-
-    def died(self):
-        """What roslaunch says of processes that ended by themselves."""
-        with open(self.log, errors='replace') as file:
-            return [line for line in file if 'process has died' in line]
-
-
-def ours():
-    """Processes of this robot's master but this one, and their words."""
-    master = re.compile(rb'(^|\0)ROS_MASTER_URI=http://[^:]*:%s/?\0' % master_port().encode())
-    for process in filter(str.isdigit, os.listdir('/proc')):
-        with contextlib.suppress(OSError):
-            with open('/proc/%s/environ' % process, 'rb') as file:
-                if not master.search(file.read()) or int(process) in (os.getpid(), os.getppid()):
-                    continue
-            with open('/proc/%s/cmdline' % process, 'rb') as file:
-                yield int(process), file.read().split(b'\0')
-
-
-def master_port():
-    return os.environ['ROS_MASTER_URI'].rstrip('/').rsplit(':', 1)[1]
-
-
-def free_port():
-    with socket.socket() as s:
-        s.bind(('', 0))
-        return s.getsockname()[1]
-
-
-def end(process, kind):
-    if process is None or process.poll() is not None:
-        return
-    process.send_signal(kind)
-    try:
-        process.wait(60)
-    except subprocess.TimeoutExpired:
-        fail('%s does not end' % process.args[0])
 
 
 def key_poses(session):
@@ -167,10 +55,7 @@ def fill(folder):
 
 def drive(robot, bag, seconds, fault=None, at=0.4, options=()):
     """One round. @param fault is called when a part of the round is over"""
-    log = os.path.join(robot.here, 'play.log')
-    with open(log, 'w') as out:
-        play = subprocess.Popen(['rosrun', 'mapping_simulation', 'play_live', bag, '--wait-for', 'camera/image_rect',
-                                 *options, 'scan:=simulated_scan'], stdout=out, stderr=subprocess.STDOUT)
+    play = robot.play(bag, *options)
     begin = time.monotonic()
     while play.poll() is None:
         time.sleep(0.5)
@@ -180,15 +65,9 @@ def drive(robot, bag, seconds, fault=None, at=0.4, options=()):
             fault = None
         if passed > ROUND_LIMIT:
             play.kill()
-            fail('a round does not end, see %s' % log)
+            fail('a round does not end')
     if play.returncode != 0:
-        fail('the replay failed, see %s' % log)
-
-
-def duration_of(bag):
-    import rosbag
-    with rosbag.Bag(bag) as file:
-        return file.get_end_time() - file.get_start_time()
+        fail('the replay failed, see play.log')
 
 
 def main():
@@ -262,10 +141,7 @@ def soak(a, robot, seconds, disk):
         if said != 'ok':
             fail('the session is damaged: ' + said)
     finally:
-        robot.kill()
-        for process, _ in ours():  # the master, too
-            with contextlib.suppress(OSError):
-                os.kill(process, signal.SIGKILL)
+        robot.end()
     last = sorted(growing[len(growing) // 2:])
     grown = last[len(last) // 2] if last else 0.0
     print('%d rounds; the nodes grow by %.1f MB a round' % (rounds, grown))
