@@ -18,6 +18,15 @@ namespace {
 constexpr double kQuickTurn = 1.5;                            // rad/s
 constexpr double kLongestDistance = 2.0, kLongestTurn = 3.0;  // of the distance and angle between key poses
 
+constexpr double kJump = 16.3;  // squared deviation that one step in a thousand has, of three dimensions
+
+// A covariance of x, y, theta in axes that are turned.
+Eigen::Matrix3d turned(const Eigen::Matrix3d& covariance, double angle) {
+  Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
+  turn.topLeftCorner<2, 2>() = Eigen::Rotation2Dd(angle).toRotationMatrix();
+  return turn * covariance * turn.transpose();
+}
+
 }  // namespace
 
 Pose correctionOf(const Edge& loop) {
@@ -31,10 +40,16 @@ bool isJump(const Edge& loop) {
 }
 
 Eigen::Matrix3d informationAtEnd(const Edge& edge) {
-  Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
-  turn.topLeftCorner<2, 2>() = Eigen::Rotation2Dd(edge.transform.z()).toRotationMatrix();
-  const Eigen::Matrix3d turned = turn.transpose() * edge.information * turn;
-  return 0.5 * (turned + turned.transpose());
+  const Eigen::Matrix3d information = turned(edge.information, -edge.transform.z());
+  return 0.5 * (information + information.transpose());
+}
+
+// Of a motion, m and rad.
+Eigen::Matrix3d KeyPoses::driftOf(double way, double turn) const {
+  const double distance = way * drift_.distance * drift_.distance;
+  return Eigen::Vector3d(distance, distance,
+                         way * drift_.angle * drift_.angle + turn * drift_.turn * drift_.turn)
+      .asDiagonal();
 }
 
 KeyPoses::KeyPoses(double distance, double angle, const Drift& drift)
@@ -47,8 +62,21 @@ KeyPoses::KeyPoses(double distance, double angle, const Drift& drift)
   }
 }
 
+// What the match moves the guess by, if that is more than both poses' errors and what odometry may drift by.
+void KeyPoses::noteJump(const SlamResult& result) {
+  if (!previous_ || !result.guess_is_odometry) return;
+  const Pose step = between(previous_->pose, result.pose);
+  Pose innovation = result.pose - result.guess;
+  innovation.z() = std::remainder(innovation.z(), 2.0 * M_PI);
+  const Eigen::Matrix3d covariance =
+      2.0 * result.covariance + driftOf(step.head<2>().norm(), std::abs(step.z()));
+  if (innovation.dot(covariance.ldlt().solve(innovation)) > kJump)
+    jumps_ += innovation * innovation.transpose();
+}
+
 std::optional<Edge> KeyPoses::add(double stamp, const SlamResult& result) {
   if (result.status == Status::kRejected || result.status == Status::kEmpty) return {};
+  noteJump(result);
   const std::optional<KeyPose> previous = std::exchange(previous_, KeyPose{next_id_, stamp, result.pose});
   std::optional<Edge> edge;
   if (last_) {
@@ -65,14 +93,13 @@ std::optional<Edge> KeyPoses::add(double stamp, const SlamResult& result) {
     // Both poses were matched against the map, each with an error of its own.
     Eigen::Matrix3d covariance =
         covarianceBetween(last_->pose, last_covariance_, result.pose, result.covariance);
-    const double way = transform.head<2>().norm(), turn = std::abs(transform.z());
-    covariance.diagonal() +=
-        Eigen::Vector3d(way * drift_.distance * drift_.distance, way * drift_.distance * drift_.distance,
-                        way * drift_.angle * drift_.angle + turn * drift_.turn * drift_.turn);
+    covariance +=
+        driftOf(transform.head<2>().norm(), std::abs(transform.z())) + turned(jumps_, -last_->pose.z());
     edge = Edge{*last_, {next_id_, stamp, result.pose}, transform, covariance.inverse()};
   }
   last_ = KeyPose{next_id_++, stamp, result.pose};
   last_covariance_ = result.covariance;
+  jumps_.setZero();
   return edge;
 }
 
@@ -80,9 +107,8 @@ void KeyPoses::correct(const Pose& correction) {
   if (previous_) previous_->pose = compose(correction, previous_->pose);
   if (!last_) return;
   last_->pose = compose(correction, last_->pose);
-  Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
-  turn.topLeftCorner<2, 2>() = Eigen::Rotation2Dd(correction.z()).toRotationMatrix();
-  last_covariance_ = turn * last_covariance_ * turn.transpose();
+  for (Eigen::Matrix3d* covariance : {&last_covariance_, &jumps_})
+    *covariance = turned(*covariance, correction.z());
 }
 
 }  // namespace intensity_hector_slam

@@ -240,8 +240,9 @@ void Slam::predict(const Scan& scan, const std::optional<Pose>& odometry, SlamRe
     if (const auto other = betterThanOdometry(scan, motion, steady, elapsed)) {
       result.odometry_jumped = true;
       motion = *other;
-    } else if (follows && elapsed > 0.0) {
-      velocity_ = motion / elapsed;
+    } else {
+      result.guess_is_odometry = true;
+      if (follows && elapsed > 0.0) velocity_ = motion / elapsed;
     }
   } else if (options_.guess != Guess::kLastPose) {
     motion = steady;

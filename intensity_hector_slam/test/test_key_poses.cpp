@@ -2,6 +2,8 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/LU>
+#include <cmath>
+#include <vector>
 
 #include "intensity_hector_slam/key_poses.h"
 
@@ -98,6 +100,32 @@ TEST(KeyPoses, EdgesAreNotOfAJump) {
   EXPECT_LT((edge->transform - Pose(1.0, 0.0, 0.0)).norm(), 1e-12);
   loop.transform = between(loop.from.pose, loop.to.pose);
   EXPECT_FALSE(isJump(loop));
+}
+
+// The body went straight on by odometry, and the match moved it aside: the edge may be of either.
+TEST(KeyPoses, AnEdgeIsAsUnsureAsAJump) {
+  const auto sigmas = [](bool odometry, double aside) {
+    KeyPoses key_poses(0.45, 0.5);
+    std::vector<Eigen::Vector3d> result;
+    Pose pose(0.0, 0.0, M_PI / 2.0);
+    for (int i = 0; i <= 10; ++i) {
+      SlamResult step = at(pose);
+      step.covariance = Eigen::Vector3d(1e-4, 1e-4, 1e-6).asDiagonal();
+      step.guess = pose;
+      step.guess_is_odometry = odometry;
+      if (i == 3) step.pose.x() = pose.x() -= aside;
+      if (const auto edge = key_poses.add(0.1 * i, step))
+        result.push_back(edge->information.inverse().diagonal().cwiseSqrt());
+      pose.y() += 0.1;
+    }
+    EXPECT_EQ(2u, result.size());
+    return result;
+  };
+  EXPECT_NEAR(std::hypot(0.07, 0.0142), sigmas(true, 0.07)[0].y(), 5e-4);
+  EXPECT_LT(sigmas(true, 0.07)[0].x(), 0.015);
+  EXPECT_LT(sigmas(true, 0.07)[1].y(), 0.015);   // the next is sure again
+  EXPECT_LT(sigmas(true, 0.02)[0].y(), 0.015);   // within the errors of both matches
+  EXPECT_LT(sigmas(false, 0.07)[0].y(), 0.015);  // the guess knows nothing of the way
 }
 
 TEST(KeyPoses, SayWhatIsWrong) {

@@ -50,7 +50,9 @@ class KeyPoses {
   /// @throws std::invalid_argument that names the option, its value and what is allowed
   explicit KeyPoses(double distance = 0.5, double angle = 0.5, const Drift& drift = {});
 
-  /// A pose amid a quick turn is no key pose, unless the last is far away.
+  /// A pose amid a quick turn is no key pose, unless the last is far away. Where the pose jumps, as a scan is
+  /// matched to another part of the map than those before, and odometry doesn't, the body has moved by the
+  /// one or by the other, and the edge is as unsure.
   /// @return the edge that a pose makes, where it is a key pose but for the first
   std::optional<Edge> add(double stamp, const SlamResult& result);
   /// The last key pose; none where the chain is broken.
@@ -59,16 +61,21 @@ class KeyPoses {
   void breakChain() {
     last_.reset();
     previous_.reset();
+    jumps_.setZero();
   }
   /// The poses to come are in another map, which `correction` moves the last one to.
   void correct(const Pose& correction);
 
  private:
+  Eigen::Matrix3d driftOf(double way, double turn) const;
+  void noteJump(const SlamResult& result);
+
   double distance_, angle_;
   Drift drift_;
   std::uint32_t next_id_ = 0;
   std::optional<KeyPose> last_, previous_;  // the latter: of whatever pose came before
   Eigen::Matrix3d last_covariance_ = Eigen::Matrix3d::Zero();
+  Eigen::Matrix3d jumps_ = Eigen::Matrix3d::Zero();  // of the poses since `last_`, as a covariance, map frame
 };
 
 }  // namespace intensity_hector_slam

@@ -33,7 +33,8 @@ struct SlamResult {
   Pose pose = Pose::Zero();                              ///< of the body at the scan's stamp, map frame
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< of x, y, theta, map frame: m^2, m rad, rad^2
   Pose guess = Pose::Zero();                             ///< where the match began
-  Match match;  ///< of no meaning where the status is kStarted or kEmpty
+  bool guess_is_odometry = false;  ///< the guess is the last pose, moved as odometry says
+  Match match;                     ///< of no meaning where the status is kStarted or kEmpty
   bool map_updated = false;
   bool odometry_jumped = false;   ///< the map denies it, and it isn't the guess
   bool time_jumped_back = false;  ///< by more than SlamOptions::max_gap: no velocity holds
