@@ -3,6 +3,7 @@
 
 #include <ros/console.h>
 
+#include <algorithm>
 #include <boost/make_shared.hpp>
 #include <exception>
 #include <utility>
@@ -73,11 +74,38 @@ GuardedQueue::GuardedQueue(ros::CallbackQueueInterface& queue, std::shared_ptr<C
     : queue_(queue), guard_(std::move(guard)) {}
 
 void GuardedQueue::addCallback(const ros::CallbackInterfacePtr& callback, std::uint64_t owner_id) {
-  queue_.addCallback(boost::make_shared<GuardedCallback>(callback, guard_), owner_id);
+  const auto guarded = boost::make_shared<GuardedCallback>(callback, guard_);
+  const std::lock_guard<std::mutex> lock(mutex_);
+  if (holds_) {
+    held_.push_back({guarded, owner_id});
+  } else {
+    queue_.addCallback(guarded, owner_id);
+  }
 }
 
 void GuardedQueue::removeByID(std::uint64_t owner_id) {
+  // They end without the lock, and so does one that runs, which the queue waits for.
+  std::vector<Held> removed;
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    const auto first = std::stable_partition(
+        held_.begin(), held_.end(), [owner_id](const Held& held) { return held.owner_id != owner_id; });
+    removed.assign(first, held_.end());
+    held_.erase(first, held_.end());
+  }
   queue_.removeByID(owner_id);
+}
+
+void GuardedQueue::hold() {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  holds_ = true;
+}
+
+void GuardedQueue::release() {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  holds_ = false;
+  for (const Held& held : held_) queue_.addCallback(held.callback, held.owner_id);
+  held_.clear();
 }
 
 }  // namespace mapping_common

@@ -30,6 +30,7 @@ std::string adviceOn(const std::string& error, const std::string& name_space) {
 void Nodelet::onInit() {
   guard_ = std::make_shared<CallbackGuard>(getName());
   queue_ = std::make_unique<GuardedQueue>(getSTCallbackQueue(), guard_);
+  queue_->hold();  // the manager's other threads would run callbacks while `start` goes on
   for (ros::NodeHandle* node : {&getNodeHandle(), &getPrivateNodeHandle()})
     node->setCallbackQueue(queue_.get());
   try {
@@ -38,6 +39,7 @@ void Nodelet::onInit() {
     node.getParam(node.getNamespace(), values);
     Parameters parameters(values);
     start(parameters);
+    queue_->release();
   } catch (const std::exception& e) {
     NODELET_FATAL_STREAM("Not started: " << e.what()
                                          << adviceOn(e.what(), getPrivateNodeHandle().getNamespace()));

@@ -250,6 +250,33 @@ TEST(CallbackGuard, GuardsAQueue) {
   EXPECT_TRUE(inner.isEmpty());
 }
 
+TEST(CallbackGuard, HoldsCallbacksBack) {
+  struct Counting : ros::CallbackInterface {
+    Counting(int number, Numbers& called) : number_(number), called_(called) {}
+    CallResult call() override {
+      called_.push_back(number_);
+      return Success;
+    }
+    int number_;
+    Numbers& called_;
+  };
+  Numbers called;
+  ros::CallbackQueue inner;
+  GuardedQueue queue(inner, std::make_shared<CallbackGuard>("/test"));
+  const auto add = [&](int number, std::uint64_t owner) {
+    queue.addCallback(boost::make_shared<Counting>(number, called), owner);
+  };
+  queue.hold();
+  for (int i = 0; i < 6; ++i) add(i, i % 3);
+  inner.callAvailable();
+  EXPECT_TRUE(called.empty());
+  queue.removeByID(1);
+  queue.release();
+  add(6, 1);
+  inner.callAvailable();
+  EXPECT_EQ((Numbers{0, 2, 3, 5, 6}), called);
+}
+
 TEST(Drops, AreCountedByReason) {
   Drops drops({"/test", "Lost a scan", "Lost", {"no transform", "malformed"}});
   drops.add("no transform", "", 3);

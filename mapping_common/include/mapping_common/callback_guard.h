@@ -8,6 +8,7 @@
 #include <memory>
 #include <mutex>
 #include <string>
+#include <vector>
 
 namespace mapping_common {
 
@@ -46,16 +47,27 @@ class CallbackGuard {
   Throttle throttle_;
 };
 
-/// Hands callbacks on to another queue, each under guard.
+/// Hands callbacks on to another queue, each under guard. Can be used by several threads.
 class GuardedQueue : public ros::CallbackQueueInterface {
  public:
   GuardedQueue(ros::CallbackQueueInterface& queue, std::shared_ptr<CallbackGuard> guard);
   void addCallback(const ros::CallbackInterfacePtr& callback, std::uint64_t owner_id) override;
   void removeByID(std::uint64_t owner_id) override;
 
+  /// Keeps those that come from now on until `release`, which hands them on in their order.
+  void hold();
+  void release();
+
  private:
+  struct Held {
+    ros::CallbackInterfacePtr callback;
+    std::uint64_t owner_id;
+  };
   ros::CallbackQueueInterface& queue_;
   std::shared_ptr<CallbackGuard> guard_;
+  std::mutex mutex_;
+  bool holds_ = false;
+  std::vector<Held> held_;
 };
 
 }  // namespace mapping_common
