@@ -59,7 +59,7 @@ class RoomDrive {
   bool drive(int from, int to) {
     for (int i = from; i < to; ++i) {
       step(i);
-      if (!mapping_common::waitFor([&] { return isAt(i); }, 5.0)) return false;
+      if (!mapping_common::waitFor([&] { return isAt(i); })) return false;
     }
     return true;
   }

@@ -32,7 +32,7 @@ class MapPublisher : public NodeletTest {
     sendStaticPose(sensor, poseOf(x, 0, 0));
     publish(makeCloud(roomPoints({4, 3, 1.5}, 1000, seed)), sensor, poseOf(x, 0, 0));
     ASSERT_TRUE(waitForMap(reference_));
-    spinFor(0.3);  // for a publish cycle to pass
+    spinFor(0.3);  // so that it is published by itself, most likely
   }
 
   std::vector<std::array<int, 6>> boxes(bool occupied) { return boxesOf(reference_, occupied); }
@@ -85,6 +85,11 @@ std::set<Voxel> voxelsIn(const std::vector<std::array<int, 6>>& boxes) {
   std::set<Voxel> set;
   for (const auto& [voxel, p] : voxels) set.insert(voxel);
   return set;
+}
+
+/// Until what was drawn are these boxes.
+bool waitForBoxes(const Recorder<MarkerArray>& drawn, const std::vector<std::array<int, 6>>& boxes) {
+  return waitFor([&, voxels = voxelsIn(boxes)] { return voxelsIn(boxesOf(drawn.messages)) == voxels; });
 }
 
 std::map<std::array<int, 2>, int> knownPixels(const nav_msgs::OccupancyGrid& grid) {
@@ -179,10 +184,9 @@ TEST_F(MapPublisher, LaterMessagesHoldWhatChanged) {
   const std::size_t occupied_before = occupied.messages.size(), free_before = free.messages.size();
 
   buildRoom("there", 64.0, 2);  // other blocks
-  ASSERT_TRUE(waitFor([&] {
-    return occupied.messages.size() > occupied_before && free.messages.size() > free_before &&
-           !cells_updates.messages.empty();
-  }));
+  EXPECT_TRUE(waitForBoxes(occupied, boxes(true)));
+  EXPECT_TRUE(waitForBoxes(free, boxes(false)));
+  ASSERT_TRUE(waitFor([&] { return !cells_updates.messages.empty(); }));
   for (const auto* recorder : {&occupied, &free}) {
     for (std::size_t i = recorder == &occupied ? occupied_before : free_before; i < recorder->messages.size();
          ++i) {
@@ -192,8 +196,6 @@ TEST_F(MapPublisher, LaterMessagesHoldWhatChanged) {
       }
     }
   }
-  EXPECT_EQ(voxelsIn(boxes(true)), voxelsIn(boxesOf(occupied.messages)));
-  EXPECT_EQ(voxelsIn(boxes(false)), voxelsIn(boxesOf(free.messages)));
   const auto update = boxesOf(cells_updates.messages.back());
   ASSERT_FALSE(update.empty());
   for (const auto& box : update) EXPECT_GT(box[0], 32 / 0.2);
@@ -201,8 +203,8 @@ TEST_F(MapPublisher, LaterMessagesHoldWhatChanged) {
 
   // Fused, split and vanished cells within blocks that are shown already.
   for (unsigned i = 3; i < 8; ++i) buildRoom("here", 0.0, i);
-  EXPECT_EQ(voxelsIn(boxes(true)), voxelsIn(boxesOf(occupied.messages)));
-  EXPECT_EQ(voxelsIn(boxes(false)), voxelsIn(boxesOf(free.messages)));
+  EXPECT_TRUE(waitForBoxes(occupied, boxes(true)));
+  EXPECT_TRUE(waitForBoxes(free, boxes(false)));
 }
 
 TEST_F(MapPublisher, AnotherSubscriberIsNoBotherToTheFirst) {
@@ -223,7 +225,7 @@ TEST_F(MapPublisher, AnotherSubscriberSwallowsNothingOfWhatTheFirstIsYetToSee) {
   buildRoom("here", 0.0, 1);  // within the 5 s between two publications, most likely
   const auto seen = boxesSeenByAnotherProcess(node_.resolveName("occupied_cells_vis_array"));
   EXPECT_EQ(voxelsIn(boxes(true)), voxelsIn(seen));
-  EXPECT_TRUE(waitFor([&] { return voxelsIn(boxesOf(first.messages)) == voxelsIn(boxes(true)); }));
+  EXPECT_TRUE(waitForBoxes(first, boxes(true)));
 }
 
 TEST_F(MapPublisher, CellsAreSentAsAWholeNowAndThen) {
@@ -249,23 +251,35 @@ TEST_F(MapPublisher, ProjectionGrowsAndIsPatched) {
   Recorder<map_msgs::OccupancyGridUpdate> updates(node_, "projected_map_updates");
   ASSERT_TRUE(waitFor([&] { return !grids.messages.empty(); }));
   EXPECT_TRUE(knownPixels(grids.messages[0]).empty());
+  const auto waitForWhole = [&] {
+    return waitFor([&] { return knownPixels(grids.messages.back()) == projection(reference_); });
+  };
+  const ros::WallTime before = ros::WallTime::now();
   buildRoom("here", 0.0, 1);
-  ASSERT_EQ(2u, grids.messages.size());  // grown
-  EXPECT_EQ(projection(reference_), knownPixels(grids.messages[1]));
+  ASSERT_TRUE(waitForWhole());  // grown
+  EXPECT_EQ(2u, grids.messages.size());
   buildRoom("here", 0.0, 2);
-  ASSERT_EQ(3u, grids.messages.size());  // as a whole, because it has just grown
-  EXPECT_TRUE(updates.messages.empty());
+  // As a whole, because it has just grown; on a machine that is too slow for that, patched already.
+  if (ros::WallTime::now() - before < ros::WallDuration(2.0)) {
+    ASSERT_TRUE(waitForWhole());
+    EXPECT_TRUE(updates.messages.empty());
+  }
   spinFor(3.0);
 
+  const std::size_t wholes = grids.messages.size();
   for (unsigned i = 3; i < 6; ++i) buildRoom("here", 0.0, i);
-  EXPECT_EQ(3u, grids.messages.size());
-  ASSERT_FALSE(updates.messages.empty());
-  nav_msgs::OccupancyGrid grid = grids.messages[2];
-  for (const auto& update : updates.messages) {
-    ASSERT_EQ(std::size_t{update.width} * update.height, update.data.size());
-    ASSERT_TRUE(patch(grid, update));
-  }
-  EXPECT_EQ(projection(reference_), knownPixels(grid));
+  nav_msgs::OccupancyGrid grid = grids.messages.back();
+  std::size_t patches = 0;
+  EXPECT_TRUE(waitFor([&] {
+    for (; patches < updates.messages.size(); ++patches) {
+      const auto& update = updates.messages[patches];
+      EXPECT_EQ(std::size_t{update.width} * update.height, update.data.size());
+      EXPECT_TRUE(patch(grid, update));
+    }
+    return knownPixels(grid) == projection(reference_);
+  }));
+  EXPECT_EQ(wholes, grids.messages.size());
+  EXPECT_GT(patches, 0u);
 }
 
 TEST_F(MapPublisher, NoPatchOvertakesTheMapItIsFor) {
@@ -277,8 +291,8 @@ TEST_F(MapPublisher, NoPatchOvertakesTheMapItIsFor) {
   buildRoom("here", 0.0, 2);
   buildRoom("there", -64.0, 3);  // Where (0, 0) is in the map's data moves.
   buildRoom("there", -64.0, 4);
+  EXPECT_TRUE(waitFor([&] { return display.draw() && knownPixels(display.grid) == projection(reference_); }));
   EXPECT_TRUE(display.draw());
-  EXPECT_EQ(projection(reference_), knownPixels(display.grid));
 }
 
 TEST_F(MapPublisher, ResetTakesEverythingOffTheDisplay) {
@@ -328,12 +342,16 @@ TEST_F(MapPublisher, ColoursAndHeightsCanBeReconfigured) {
 TEST_F(MapPublisher, WithoutLatchOnlyChangesAreSent) {
   setParam("latch", false);
   ASSERT_TRUE(load());
+  Recorder<sensor_msgs::PointCloud2> updates(node_, "occupied_cells_centers_updates");
+  ASSERT_TRUE(updates.waitForLink());
   buildRoom("here", 0.0, 1);
+  ASSERT_TRUE(waitFor([&] { return !updates.messages.empty(); }));
   Recorder<MarkerArray> occupied(node_, "occupied_cells_vis_array");
+  ASSERT_TRUE(occupied.waitForLink());
   spinFor(1.0);
   EXPECT_TRUE(occupied.messages.empty());
   buildRoom("there", 64.0, 2);
-  EXPECT_FALSE(occupied.messages.empty());
+  EXPECT_TRUE(waitFor([&] { return !occupied.messages.empty(); }));
   for (const auto& box : boxesOf(occupied.messages)) EXPECT_GT(box[0], 32 / 0.2);
 }
 
@@ -359,8 +377,9 @@ TEST_F(MapPublisher, OctomapsAreTheWholeMap) {
     expectCurrent(recorder.messages.back());
     const std::size_t before = recorder.messages.size();
     buildRoom(binary ? "b" : "c", binary ? 2.0 : 4.0, 2);
-    ASSERT_TRUE(waitFor([&] { return recorder.messages.size() > before; }));
-    spinFor(0.2);
+    const auto bytes = toOctomap(reference_, format).bytes;
+    ASSERT_TRUE(
+        waitFor([&] { return recorder.messages.size() > before && recorder.messages.back().data == bytes; }));
     expectCurrent(recorder.messages.back());
 
     GetOctomap service;
