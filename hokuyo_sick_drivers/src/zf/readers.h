@@ -52,7 +52,7 @@ inline std::uint8_t toColour(double value) {
 /// Fills chunks for a sink.
 class ChunkWriter {
  public:
-  explicit ChunkWriter(const PointSink& sink) : sink_(sink) { points_.reserve(kChunkPoints); }
+  explicit ChunkWriter(const PointSink& sink) : sink_(sink) {}
   /// @return false if the sink wants no more. `progress` is called once per chunk.
   template <class Progress>
   bool add(const ScanPoint& point, const Progress& progress) {
