@@ -65,8 +65,8 @@ void GraphKeeper::update(const OnlineGraph& graph) {
   }
 }
 
-void GraphKeeper::putAppearance(std::int64_t from, std::int64_t to, EdgeType type, const std::string& source,
-                                double similarity) {
+SessionEdge GraphKeeper::putAppearance(std::int64_t from, std::int64_t to, EdgeType type,
+                                       const std::string& source, double similarity) {
   SessionEdge edge;
   edge.id = writer_->nextEdge();
   edge.from = from;
@@ -76,6 +76,12 @@ void GraphKeeper::putAppearance(std::int64_t from, std::int64_t to, EdgeType typ
   edge.source = source;
   edge.similarity = similarity;
   writer_->put(edge);
+  return edge;
+}
+
+void GraphKeeper::settle(SessionEdge appearance, EdgeState state) {
+  appearance.state = state;
+  writer_->put(appearance);
 }
 
 void GraphKeeper::putForeign(const Measurement& m) {

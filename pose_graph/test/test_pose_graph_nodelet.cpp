@@ -19,6 +19,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -332,6 +333,7 @@ TEST_F(PoseGraphNodeletTest, SessionsGoOn) {
 
 // Known by appearance: the scans tell the rest.
 TEST_F(PoseGraphNodeletTest, ScansGiveATransformToAppearances) {
+  const mapping_common::TempDir dir;
   setParam("appearance/scans", 10);
   ASSERT_TRUE(load());
   drive(0, 40);
@@ -354,6 +356,14 @@ TEST_F(PoseGraphNodeletTest, ScansGiveATransformToAppearances) {
   seen.to_stamp = stamp(44);
   loops_.publish(seen);
   expectDiagnostic("Edges", "Not taken: scans don't match", "1");
+  // The session tells what became of them.
+  const std::string saved = dir.path("saved.db");
+  callFile<mapping_msgs::SaveMap>("save", saved);
+  std::map<EdgeState, int> states;
+  for (const SessionEdge& edge : Session(saved).edges()) {
+    if (!edge.transform) ++states[edge.state];
+  }
+  EXPECT_EQ((std::map<EdgeState, int>{{EdgeState::kAccepted, 1}, {EdgeState::kRevoked, 1}}), states);
 }
 
 TEST_F(PoseGraphNodeletTest, MapsAreMadeAnew) {

@@ -24,9 +24,12 @@ class GraphKeeper {
   void beginNewRun() { run_.reset(); }
   /// Writes what has changed.
   void update(const OnlineGraph& graph);
-  /// An edge that is known by appearance alone. @param from, to ids of nodes
-  void putAppearance(std::int64_t from, std::int64_t to, EdgeType type, const std::string& source,
-                     double similarity);
+  /// An edge that is known by appearance alone, pending until `settle`. @param from, to ids of nodes
+  SessionEdge putAppearance(std::int64_t from, std::int64_t to, EdgeType type, const std::string& source,
+                            double similarity);
+  /// What became of an edge by appearance: accepted where scans gave it a transform, which is an edge of its
+  /// own, or revoked.
+  void settle(SessionEdge appearance, EdgeState state);
 
   /// A PLACE edge to a pose of another session.
   void putForeign(const Measurement& measurement);

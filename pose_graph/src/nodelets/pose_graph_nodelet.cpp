@@ -456,14 +456,15 @@ bool PoseGraphNodelet::tryToMatch(const Waiting& waiting, std::string& why) {
     return false;
   }
   const auto node = [&](std::size_t i) { return graph_.graph().nodes()[i]; };
-  keeper_->putAppearance(node(from->node).id, node(to->node).id, m.type, m.source, waiting.edge.similarity);
+  const SessionEdge appearance = keeper_->putAppearance(node(from->node).id, node(to->node).id, m.type,
+                                                        m.source, waiting.edge.similarity);
   const bool forward = from->node < to->node;
   const Node first = node(forward ? from->node : to->node), second = node(forward ? to->node : from->node);
   const auto drift = graph_.drift(std::min(from->node, to->node), std::max(from->node, to->node));
   auto graph = std::make_shared<Graph>(graph_.graph().planar());
   for (const Node& n : graph_.graph().nodes()) graph->addNode(n);
   const auto front_end = parametersOf<slam::SlamParameters>(getNodeHandle(), parameters_.slam);
-  optimiser_->post([this, first, second, drift, graph, front_end, m, keeper = keeper_,
+  optimiser_->post([this, first, second, drift, graph, front_end, m, appearance, keeper = keeper_,
                     generation = generation_]() -> Worker::Work {
     ScanMatch match;
     try {
@@ -473,8 +474,9 @@ bool PoseGraphNodelet::tryToMatch(const Waiting& waiting, std::string& why) {
     } catch (const std::exception& e) {
       match.why = e.what();
     }
-    return [this, first, second, m, match, generation] {
+    return [this, first, second, m, match, appearance, generation] {
       if (generation != generation_) return;
+      keeper_->settle(appearance, match.sure ? EdgeState::kAccepted : EdgeState::kRevoked);
       if (!match.sure) return arrivals_->drops().add(kNotMatched, match.why);
       ++matched_;
       Measurement measured = m;
