@@ -2,6 +2,7 @@
 //
 // Converts terrestrial scans (E57, PTX, PTS, ASC) to PCD files or a bag.
 #include <mapping_common/files.h>
+#include <mapping_common/progress.h>
 #include <mapping_common/tool.h>
 #include <tf2_msgs/TFMessage.h>
 
@@ -12,6 +13,7 @@
 #include <cstdio>
 #include <iomanip>
 #include <iostream>
+#include <optional>
 #include <sstream>
 #include <stdexcept>
 
@@ -48,33 +50,31 @@ bool endsWith(const std::string& text, const std::string& end) {
   return text.size() >= end.size() && text.compare(text.size() - end.size(), end.size(), end) == 0;
 }
 
-// One line that is written again and again, if somebody looks at it.
+// Of what is read.
 class Progress {
  public:
-  Progress(const Arguments& arguments, std::string what) : quiet_(arguments.quiet), what_(std::move(what)) {}
+  Progress(const Arguments& arguments, const std::string& what) {
+    if (!arguments.quiet) line_.emplace(what);
+  }
 
   bool operator()(double done, std::uint64_t points) {
-    const auto now = std::chrono::steady_clock::now();
-    if (!quiet_ && now - shown_ > std::chrono::milliseconds(200)) {
-      shown_ = now;
-      std::fprintf(stderr, "\r%s: %3.0f %%, %.1f million points, %.2f million/s ", what_.c_str(),
-                   100.0 * done, 1e-6 * static_cast<double>(points),
-                   1e-6 * static_cast<double>(points) / seconds());
-      line_ = true;
+    if (line_) {
+      const double millions = 1e-6 * static_cast<double>(points);
+      line_->show(std::fixed, std::setprecision(2), static_cast<int>(100.0 * done), " %, ", millions,
+                  " million points, ", millions / seconds(), " million/s");
     }
     return !interrupted;
   }
   double seconds() const {
     return std::max(1e-6, std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count());
   }
-  ~Progress() {
-    if (line_) std::fputs("\r\033[K", stderr);
+  void say(const std::string& text) {
+    if (line_) line_->say(text);
   }
 
  private:
-  bool quiet_, line_ = false;
-  std::string what_;
-  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now(), shown_ = start_;
+  std::optional<mapping_common::Progress> line_;
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
 
 const char kUsage[] =
@@ -149,18 +149,15 @@ ScanCloud readCloud(ScanFileReader& reader, std::size_t scan, const Arguments& a
   });
   if (!whole) throw ReadStopped();
   ScanCloud cloud = builder.finish();
-  if (!a.quiet) {
-    std::ostringstream text;
-    text << std::fixed << std::setprecision(2) << info.name << ": " << cloud.points << " points, "
-         << cloud.missing << " missing";
-    if (cloud.duplicates > 0) text << ", " << cloud.duplicates << " in a cell that was taken";
-    if (cloud.outside > 0) text << ", " << cloud.outside << " outside of the grid";
-    if (a.cloud.voxel > 0.0) text << ", in " << cloud.width << " voxels";
-    text << "; " << progress.seconds() << " s, " << 1e-6 * static_cast<double>(points) / progress.seconds()
-         << " million points/s";
-    if (!cloud.offset.isZero()) text << "; offset " << cloud.offset.transpose() << " taken off";
-    std::fprintf(stderr, "\r\033[K%s\n", text.str().c_str());
-  }
+  std::ostringstream text;
+  text << std::fixed << std::setprecision(2) << cloud.points << " points, " << cloud.missing << " missing";
+  if (cloud.duplicates > 0) text << ", " << cloud.duplicates << " in a cell that was taken";
+  if (cloud.outside > 0) text << ", " << cloud.outside << " outside of the grid";
+  if (a.cloud.voxel > 0.0) text << ", in " << cloud.width << " voxels";
+  text << "; " << progress.seconds() << " s, " << 1e-6 * static_cast<double>(points) / progress.seconds()
+       << " million points/s";
+  if (!cloud.offset.isZero()) text << "; offset " << cloud.offset.transpose() << " taken off";
+  progress.say(text.str());
   return cloud;
 }
 

@@ -4,6 +4,7 @@
 // and recall, times, pictures.
 #include <mapping_common/figures.h>
 #include <mapping_common/files.h>
+#include <mapping_common/progress.h>
 #include <mapping_common/tool.h>
 
 #include <algorithm>
@@ -87,11 +88,6 @@ LoopDetectorOptions optionsOf(const Arguments& a) {
   return options;
 }
 
-void progress(const char* what, std::size_t done, std::size_t of) {
-  if (done != of && done % 10 != 0) return;
-  std::cerr << '\r' << what << ' ' << done << " of " << of << (done == of ? "\n" : " ") << std::flush;
-}
-
 // delta for a sequence, from ten pairs of consecutive images all over it.
 int estimateDeltaOf(const ImageSource& source, const LoopDetectorOptions& options) {
   const FeatureExtractor extractor(options.features);
@@ -106,6 +102,7 @@ int estimateDeltaOf(const ImageSource& source, const LoopDetectorOptions& option
 
 Run detect(const ImageSource& source, LoopDetector& detector, const Arguments& a, const std::string& what) {
   Run run;
+  mapping_common::Progress progress(what);
   std::vector<int> index_of;  // image of the detector -> of the source; they differ where one can't be read
   for (std::size_t i = 0; i < source.size(); ++i) {
     Frame frame;
@@ -117,7 +114,7 @@ Run detect(const ImageSource& source, LoopDetector& detector, const Arguments& a
         if (frame.right->image.empty()) frame.right.reset();  // none of that time
       }
     } catch (const std::exception& e) {
-      std::cerr << "\nLeft out: " << e.what() << '\n';
+      progress.say("left out: ", e.what());
       ++run.unreadable;
       run.similarities.emplace_back(i, 0.0);
       continue;
@@ -142,8 +139,9 @@ Run detect(const ImageSource& source, LoopDetector& detector, const Arguments& a
                                detection.best->similarity, detection.accepted});
       run.geometry.push_back(detection.best->geometry);
     }
-    progress(what.c_str(), i + 1, source.size());
+    progress.show("image ", i + 1, " of ", source.size());
   }
+  progress.say(source.size(), " images");
   run.words = detector.vocabulary().size();
   return run;
 }
@@ -385,9 +383,8 @@ std::string measure(const Arguments& a, const ImageSource& source, const LoopDet
     LoopDetectorOptions other = options;
     setDelta(other, std::stoi(delta));
     LoopDetector another(other);
-    curves.push_back(
-        {"delta " + delta,
-         precisionRecallCurve(detect(source, another, a, "delta " + delta + ", image").proposals, truth)});
+    curves.push_back({"delta " + delta,
+                      precisionRecallCurve(detect(source, another, a, "delta " + delta).proposals, truth)});
   }
   for (const NamedCurve& curve : curves) {
     const auto best = bestAtFullPrecision(curve.points);
@@ -417,7 +414,7 @@ void run(const Arguments& a) {
   }
   LoopDetector detector(options);
   if (!a.load.empty()) detector.load(a.load);
-  const Run result = detect(*source, detector, a, "image");
+  const Run result = detect(*source, detector, a, "loop_closure_images");
 
   writeText(a.out + "/loops.csv", loopsCsv(result, truth));
   if (!a.right.empty()) writeText(a.out + "/transforms.csv", transformsCsv(result));

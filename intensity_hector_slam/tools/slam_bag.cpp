@@ -3,11 +3,13 @@
 // SLAM over a recording, offline.
 #include <intensity_hector_slam/ros/bag_runner.h>
 #include <intensity_hector_slam/ros/result_files.h>
+#include <mapping_common/progress.h>
 #include <mapping_common/tool.h>
 
 #include <boost/program_options.hpp>
 #include <filesystem>
 #include <iostream>
+#include <optional>
 #include <stdexcept>
 #include <string>
 
@@ -63,13 +65,11 @@ SlamParameters readParameters(const Arguments& a) {
 void run(const Arguments& a) {
   const SlamParameters parameters = readParameters(a);
   std::filesystem::create_directories(a.out);
-  int percent = -1;
-  const BagResult result = runBag(a.bag, parameters, [&percent](double share) {
-    const int now = static_cast<int>(100.0 * share);
-    if (now != percent) std::cerr << "\rslam_bag: " << now << " %" << std::flush;
-    percent = now;
+  std::optional<mapping_common::Progress> progress("slam_bag");
+  const BagResult result = runBag(a.bag, parameters, [&progress](double share) {
+    progress->show(static_cast<int>(100.0 * share), " %");
   });
-  std::cerr << '\n';
+  progress.reset();
   for (const auto* faults : {&result.warnings, &result.dropped}) {
     const char* const what = faults == &result.dropped ? " scans are dropped, " : " scans: ";
     for (const auto& [reason, fault] : *faults) {

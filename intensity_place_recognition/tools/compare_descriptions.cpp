@@ -4,6 +4,7 @@
 // of ranges and of camera images. All similarities are thresholded as in 4.5.3; nothing is verified.
 #include <mapping_common/files.h>
 #include <mapping_common/markdown_table.h>
+#include <mapping_common/progress.h>
 #include <mapping_common/tool.h>
 #include <rosbag_tests/converters/scan_files.h>
 
@@ -306,8 +307,9 @@ void run(const Arguments& a) {
   fs::create_directories(a.out);
   std::vector<Eigen::Vector3d> positions;
   mapping_simulation::PosedScan scan;
+  mapping_common::Progress progress("compare_descriptions");
   for (std::size_t number = 0; scans->next(scan); ++number) {
-    std::cerr << "\rcompare_descriptions: scan " << number + 1 << " of " << scans->size() << std::flush;
+    progress.show("scan ", number + 1, " of ", scans->size());
     positions.push_back(scan.pose.translation());
     const PanoramaOptions& panorama_options = a.recognizer.panorama;
     checkScan(scan.cloud, panorama_options);
@@ -328,12 +330,12 @@ void run(const Arguments& a) {
           way.description->add(way.description->describe(scene));
         way.scan.push_back(static_cast<int>(number));
       } catch (const std::invalid_argument& e) {
-        std::cerr << '\n' << way.name << ", " << scan.name << ": " << e.what() << '\n';
+        progress.say(way.name, ", ", scan.name, ": ", e.what());
       }
       way.seconds += static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC;
     }
   }
-  std::cerr << '\n';
+  progress.say(positions.size(), " scans");
   compareAll(ways, positions.size(), a);
   std::vector<std::vector<std::string>> table = {
       {"description", "recall at full precision, %", "precision at full recall, %", "ms a scan"}};

@@ -5,6 +5,7 @@
 #include <laser_intensity_calib/ros/bag_samples.h>
 #include <laser_intensity_calib/ros/report.h>
 #include <mapping_common/figures.h>
+#include <mapping_common/progress.h>
 #include <mapping_common/tool.h>
 
 #include <algorithm>
@@ -114,13 +115,6 @@ bool parse(int argc, char** argv, Arguments& a) {
   return true;
 }
 
-void showProgress(const char* what, double share) {
-  static int shown = -1;
-  const int percent = static_cast<int>(100.0 * share);
-  if (percent != shown) std::cerr << "\rcalibrate: " << what << ' ' << percent << " % " << std::flush;
-  shown = percent;
-}
-
 // Before hours of work are lost.
 void checkFolderOf(const std::string& file) {
   const std::filesystem::path folder = std::filesystem::absolute(file).parent_path();
@@ -168,8 +162,10 @@ void checkIntensities(const std::vector<Sample>& samples) {
 }
 
 Calibration fit(const Arguments& a, const std::vector<Sample>& samples, std::vector<std::string>& problems) {
+  mapping_common::Progress progress("calibrate");
+  const auto show = [&](double share) { progress.show("fitting ", static_cast<int>(100.0 * share), " %"); };
   try {
-    return calibrate(samples, a.fit, &problems, [](double share) { showProgress("fitting", share); });
+    return calibrate(samples, a.fit, &problems, show);
   } catch (const std::invalid_argument& e) {
     throw std::runtime_error(
         std::string(e.what()) + ". " + std::to_string(samples.size()) +
@@ -182,11 +178,12 @@ Calibration fit(const Arguments& a, const std::vector<Sample>& samples, std::vec
 void run(const Arguments& a) {
   checkFolderOf(a.out);
   BagSamplesReport report;
-  const std::vector<Sample> samples =
-      collectSamples(a.bag, a.samples, report, [](double share) { showProgress("reading", share); });
-  std::cerr << "\rcalibrate: " << report.messages << " messages, " << report.in_region
-            << " beams on the surface, of which " << report.without_incidence
-            << " without an angle of incidence\n";
+  mapping_common::Progress progress("calibrate");
+  const std::vector<Sample> samples = collectSamples(a.bag, a.samples, report, [&progress](double share) {
+    progress.show("reading ", static_cast<int>(100.0 * share), " %");
+  });
+  progress.say(report.messages, " messages, ", report.in_region, " beams on the surface, of which ",
+               report.without_incidence, " without an angle of incidence");
   if (report.malformed + report.without_transform > 0) {
     std::cerr << "calibrate: left out " << report.malformed << " malformed messages and "
               << report.without_transform << " without a transform: " << report.last_problem << '\n';
@@ -199,7 +196,6 @@ void run(const Arguments& a) {
         "all samples are of one laser: --offsets is for clouds of several, with the field ring");
   std::vector<std::string> problems;
   Calibration calibration = fit(a, samples, problems);
-  std::cerr << '\n';
   calibration.reference = a.reference;
   calibration.date =
       boost::posix_time::to_iso_extended_string(boost::posix_time::second_clock::universal_time()) + "Z";

@@ -2,6 +2,7 @@
 //
 // Drives simulated laser scanners and cameras through a world and writes what they see as a bag, or as
 // images.
+#include <mapping_common/progress.h>
 #include <mapping_common/tool.h>
 #include <mapping_simulation/ros/simulation_bag.h>
 
@@ -123,7 +124,7 @@ void run(const Arguments& a) {
     if (!(simulation.duration > 0.0))
       throw std::runtime_error("the trajectory has a single pose: give --duration");
   }
-  int percent = -1;
+  mapping_common::Progress progress("simulate");
   std::size_t sweeps = 0;
   ImageFolders folders(a.images);
   const auto watch = [&](const mapping_simulation::SensorConfig& sensor,
@@ -132,10 +133,8 @@ void run(const Arguments& a) {
     if (!a.images.empty() && sensor.type == mapping_simulation::SensorConfig::Type::kCamera)
       folders.write(sensor.topic, sweep);
     const double elapsed = sweep.stamp + sensor.sweepDuration() - simulation.startTime();
-    const int now = static_cast<int>(100.0 * elapsed / simulation.duration + 1e-6);
-    if (now != percent)
-      std::cerr << "\rsimulate: " << now << " % of " << simulation.duration << " s" << std::flush;
-    percent = now;
+    progress.show(static_cast<int>(100.0 * elapsed / simulation.duration + 1e-6), " % of ",
+                  simulation.duration, " s");
   };
   if (a.out.empty())
     mapping_simulation::simulate(simulation, watch);
@@ -147,8 +146,8 @@ void run(const Arguments& a) {
         a.ground_truth,
         mapping_simulation::groundTruth(simulation, a.options.odometry_rate, a.options.start_time));
   }
-  std::cerr << "\rsimulate: " << sweeps << " sweeps in " << simulation.duration << " s -> " << a.out
-            << (a.out.empty() ? "" : " ") << a.images << '\n';
+  progress.say(sweeps, " sweeps in ", simulation.duration, " s -> ", a.out, a.out.empty() ? "" : " ",
+               a.images);
 }
 
 }  // namespace

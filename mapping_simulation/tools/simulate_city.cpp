@@ -2,6 +2,7 @@
 //
 // Visits the places of a city by day and by night with scanners and cameras, and writes what they see.
 #include <mapping_common/files.h>
+#include <mapping_common/progress.h>
 #include <mapping_common/tool.h>
 #include <mapping_simulation/city.h>
 #include <mapping_simulation/posed_scan.h>
@@ -98,6 +99,7 @@ void run(const Arguments& a) {
   std::vector<std::ostringstream> poses(sensors.size());
   std::ostringstream table;
   table << "number,place,visit,night\n";
+  mapping_common::Progress progress("simulate_city");
   for (std::size_t i = 0; i < visits.size(); ++i) {
     const CityVisit& visit = visits[i];
     table << i << ',' << visit.place << ',' << visit.visit << ',' << visit.night << '\n';
@@ -116,13 +118,13 @@ void run(const Arguments& a) {
       for (int k = 0; k < 12; ++k) poses[s] << ' ' << pose(k / 4, k % 4);
       poses[s] << '\n';
     }
-    std::cerr << "\rsimulate_city: " << i + 1 << " of " << visits.size() << " visits" << std::flush;
+    progress.show(i + 1, " of ", visits.size(), " visits");
   }
   for (std::size_t s = 0; s < sensors.size(); ++s)
     mapping_common::writeFile(a.out + '/' + sensors[s].topic + "/poses.txt",
                               [&](std::ostream& out) { out << poses[s].str(); });
   mapping_common::writeFile(a.out + "/visits.csv", [&](std::ostream& out) { out << table.str(); });
-  std::cerr << " -> " << a.out << '\n';
+  progress.say(visits.size(), " visits -> ", a.out);
 }
 
 }  // namespace

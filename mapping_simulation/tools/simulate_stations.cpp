@@ -2,6 +2,7 @@
 //
 // A terrestrial scanner that is carried from station to station, and writes a scan file at each.
 #include <mapping_common/files.h>
+#include <mapping_common/progress.h>
 #include <mapping_common/tool.h>
 #include <mapping_simulation/city.h>
 #include <mapping_simulation/posed_scan.h>
@@ -129,6 +130,7 @@ void run(const Arguments& a) {
     return low + (high - low) * static_cast<double>(random()) / 4294967296.0;
   };
   std::vector<TimedPose> truth;
+  mapping_common::Progress progress("simulate_stations");
   for (const Eigen::Vector3d& position : stationsAlong(way, a)) {
     const double towards = between(-M_PI, M_PI), tilt = between(0.0, a.tilt * M_PI / 180.0);
     const Eigen::AngleAxisd tilted(tilt, Eigen::Vector3d(std::cos(towards), std::sin(towards), 0.0));
@@ -140,10 +142,10 @@ void run(const Arguments& a) {
     char name[32];
     std::snprintf(name, sizeof(name), "/scan_%03d.ptx", static_cast<int>(truth.size()));
     writePtx(sensor, seen, a.out + name);
-    std::cerr << "\rsimulate_stations: " << truth.size() << " of " << a.stations << std::flush;
+    progress.show(truth.size(), " of ", a.stations);
   }
   writeTum(a.out + "/truth.tum", truth);
-  std::cerr << " -> " << a.out << '\n';
+  progress.say(truth.size(), " stations -> ", a.out);
 }
 
 }  // namespace

@@ -3,6 +3,7 @@
 // How well wrong loops are found: false ones are added to a graph, and what is made of it is compared with
 // the optimum without them.
 #include <mapping_common/markdown_table.h>
+#include <mapping_common/progress.h>
 #include <mapping_common/tool.h>
 
 #include <algorithm>
@@ -153,6 +154,7 @@ void run(const Arguments& a) {
     out << std::fixed << std::setprecision(digits) << value;
     return out.str();
   };
+  mapping_common::Progress progress("evaluate_loops");
   for (const std::string& path : a.graphs) {
     Graph graph = readG2o(path).graph, optimum = graph;
     optimiseFrom(Start::kBest, optimum);
@@ -164,8 +166,7 @@ void run(const Arguments& a) {
         double sum = 0.0, worst = 0.0, seconds = 0.0;
         std::size_t right = 0, wrong = 0, all = 0;
         for (int seed = 1; seed <= a.seeds; ++seed) {
-          std::cerr << "\revaluate_loops: " << name << ' ' << share << ' ' << method << ' ' << seed
-                    << "      " << std::flush;
+          progress.show(name, ' ', share, ' ', method, ' ', seed);
           Graph tried = graph;
           LoopCheckOptions options = a.options;
           if (method != kOnline) options.method = mapping_common::valueOf<LoopCheck>(method);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
 // Says what is in a graph, optimises it, and converts it.
+#include <mapping_common/progress.h>
 #include <mapping_common/tool.h>
 
 #include <algorithm>
@@ -168,8 +169,9 @@ void run(const Arguments& a) {
   if (a.command != "optimise") return;
   if (a.start == Start::kPoses && !file.has_poses)
     throw std::runtime_error(in + " has no poses to start from");
-  const auto progress = [](int iteration, double chi2) {
-    std::cerr << "\rpose_graph: iteration " << iteration << ", chi2 " << chi2 << "          " << std::flush;
+  mapping_common::Progress line("pose_graph");
+  const auto progress = [&line](int iteration, double chi2) {
+    line.show("iteration ", iteration, ", chi2 ", chi2);
     return true;
   };
   pose_graph::OptimisationResult result;
@@ -185,7 +187,6 @@ void run(const Arguments& a) {
                 << '\n';
     }
   }
-  std::cerr << '\n';
   std::cout << "chi2 " << result.initial_chi2 << " -> " << result.chi2 << " in " << result.iterations
             << (result.converged ? " iterations\n" : " iterations; not converged, see --max-iterations\n");
   write(a.out, file.graph);

@@ -3,6 +3,7 @@
 
 #include <intensity_hector_slam/map_image.h>
 #include <mapping_common/map_image.h>
+#include <mapping_common/progress.h>
 
 #include <algorithm>
 #include <cmath>
@@ -27,12 +28,16 @@ std::string endingOf(const std::string& path) {
   return std::filesystem::path(path).extension().string();
 }
 
+mapping_common::Progress& progress() {
+  static mapping_common::Progress line("pose_graph");
+  return line;
+}
 bool showShare(double share) {
-  std::cerr << "\rpose_graph: " << static_cast<int>(100.0 * share) << " % " << std::flush;
+  progress().show(static_cast<int>(100.0 * share), " %");
   return true;
 }
 bool showIteration(int iteration, double chi2) {
-  std::cerr << "\rpose_graph: iteration " << iteration << ", chi2 " << chi2 << "          " << std::flush;
+  progress().show("iteration ", iteration, ", chi2 ", chi2);
   return true;
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
 // Converts a log of CARMEN to a bag that can be played to a SLAM node.
+#include <mapping_common/progress.h>
 #include <mapping_common/tool.h>
 #include <rosbag_tests/converters/carmen_bag.h>
 #include <rosbag_tests/converters/carmen_log.h>
@@ -88,15 +89,14 @@ void convert(const Arguments& a) {
   constexpr std::size_t kShown = 5;
   for (std::size_t i = 0; i < std::min(kShown, log.malformed.size()); ++i)
     std::cerr << "carmen_to_bag: left out " << log.malformed[i] << '\n';
-  const auto progress = [](std::size_t scans) {
-    if (scans % 500 == 0) std::cerr << '\r' << scans << " scans" << std::flush;
-  };
-  const auto summary = rosbag_tests::writeCarmenBag(a.bag, log, a.write, a.stamps, a.reference, progress);
-  std::cerr << '\r' << summary.scans << " scans";
-  if (summary.rear_scans > 0) std::cerr << ", " << summary.rear_scans << " rear scans";
-  std::cerr << ", " << summary.odometry << " poses of the odometry, " << summary.repaired_scans
-            << " stamps of scans replaced, " << log.malformed.size() << " malformed lines left out -> "
-            << a.bag << '\n';
+  mapping_common::Progress progress("carmen_to_bag");
+  const auto summary =
+      rosbag_tests::writeCarmenBag(a.bag, log, a.write, a.stamps, a.reference,
+                                   [&progress](std::size_t scans) { progress.show(scans, " scans"); });
+  progress.say(summary.scans, " scans",
+               summary.rear_scans > 0 ? ", " + std::to_string(summary.rear_scans) + " rear scans" : "", ", ",
+               summary.odometry, " poses of the odometry, ", summary.repaired_scans,
+               " stamps of scans replaced, ", log.malformed.size(), " malformed lines left out -> ", a.bag);
 }
 
 }  // namespace

@@ -2,6 +2,7 @@
 //
 // Converts recorded scans with poses (see scan_files.h for the formats) to a bag that can be played to a
 // mapper.
+#include <mapping_common/progress.h>
 #include <mapping_common/tool.h>
 #include <rosbag_tests/converters/scan_bag_writer.h>
 #include <rosbag_tests/converters/scan_files.h>
@@ -74,16 +75,17 @@ void convert(const Arguments& a) {
   rosbag_tests::ScanBagWriter writer(a.bag, a.options);
   mapping_simulation::PosedScan scan;
   std::size_t written = 0, points = 0;
+  mapping_common::Progress progress("scans_to_bag");
   for (long i = 0; i <= a.last && source->next(scan); ++i) {
     if (i < a.first || (i - a.first) % a.step != 0) continue;
     if (a.rate > 0.0) scan.stamp = written / a.rate;
     writer.write(scan);
     ++written;
     points += scan.cloud.size();
-    std::cerr << '\r' << written << " scans, " << points << " points" << std::flush;
+    progress.show(written, " scans, ", points, " points");
   }
   writer.close();
-  std::cerr << '\r' << written << " scans, " << points << " points -> " << a.bag << '\n';
+  progress.say(written, " scans, ", points, " points -> ", a.bag);
 }
 
 }  // namespace

@@ -2,6 +2,7 @@
 //
 // OctoMap and the R-tree occupancy map side by side, on a folder of scans or a bag.
 #include <mapping_common/files.h>
+#include <mapping_common/progress.h>
 #include <mapping_common/tool.h>
 #include <rosbag_tests/converters/bag_scans.h>
 #include <rosbag_tests/converters/scan_files.h>
@@ -110,18 +111,18 @@ void compare(const Arguments& a) {
   if (!a.dump.empty()) comparison.probeEvery(static_cast<std::size_t>(a.dump_every));
   mapping_simulation::PosedScan scan;
   std::size_t inserted = 0;
+  mapping_common::Progress progress("compare_octomap");
   for (long i = 0; i <= a.last && source->next(scan); ++i) {
     if (i < a.first || (i - a.first) % a.step != 0) continue;
     comparison.insert(scan);
-    std::cerr << "\rinserted scan " << ++inserted << ", " << i + 1 << " of " << source->size() << std::flush;
+    progress.show("inserted scan ", ++inserted, ", ", i + 1, " of ", source->size());
   }
-  std::cerr << "\n";
   if (bag != nullptr && bag->withoutPose() + bag->malformed() > 0) {
     std::cerr << "left out: " << bag->withoutPose() << " scans without a pose, " << bag->malformed()
               << " malformed\n";
   }
   if (inserted == 0) throw std::runtime_error("there was no scan to insert");
-  std::cerr << "comparing" << std::endl;
+  progress.say("inserted ", inserted, " scans, comparing");
   if (!a.save.empty()) rtree_occupancy_map::writeMap(comparison.map(0), a.save);
   const rosbag_tests::ComparisonResult result = comparison.finish();
   rosbag_tests::printTable(std::cout, result, a.options);

@@ -12,6 +12,7 @@
 #include <laser_intensity_calib/ros/conversions.h>
 #include <mapping_common/files.h>
 #include <mapping_common/markdown_table.h>
+#include <mapping_common/progress.h>
 #include <mapping_common/tool.h>
 #include <mapping_simulation/ros/simulation_bag.h>
 #include <pose_graph/appearance.h>
@@ -125,7 +126,7 @@ struct Drive {
   std::vector<std::int64_t> images;  // key frames, ns
 };
 
-Drive simulateDrive(const Arguments& a, std::uint32_t seed) {
+Drive simulateDrive(const Arguments& a, std::uint32_t seed, mapping_common::Progress& progress) {
   Drive drive;
   drive.bag = a.out + "/drive.bag";
   const std::string raw = a.out + "/raw.bag";
@@ -149,8 +150,8 @@ Drive simulateDrive(const Arguments& a, std::uint32_t seed) {
       raw, simulation, options,
       [&](const mapping_simulation::SensorConfig& sensor, const mapping_simulation::Sweep& sweep) {
         const double passed = sweep.stamp - simulation.startTime();
-        std::cerr << "\rseed " << seed << ": simulating, "
-                  << static_cast<int>(100.0 * passed / simulation.duration) << " %   " << std::flush;
+        progress.show("seed ", seed, ": simulating, ", static_cast<int>(100.0 * passed / simulation.duration),
+                      " %");
         if (sensor.type != mapping_simulation::SensorConfig::Type::kCamera) return;
         loops::Frame frame;
         frame.image = cv::Mat(sweep.image.height, sweep.image.width, CV_8UC1,
@@ -453,26 +454,26 @@ std::string csv(const std::vector<std::vector<std::string>>& rows) {
 void run(const Arguments& a) {
   fs::create_directories(a.out);
   std::vector<std::vector<std::string>> rows = {kHeader};
+  mapping_common::Progress progress("evaluate_building");
   for (std::uint32_t seed = a.first; seed < a.first + static_cast<std::uint32_t>(a.seeds); ++seed) {
-    const Drive drive = simulateDrive(a, seed);
+    const Drive drive = simulateDrive(a, seed, progress);
     const auto add = [&](const std::string& condition, const FrontEnd& front_end,
                          const std::vector<CameraLoop>& camera_loops) {
       const std::string session = a.out + "/building.session";
       for (const char* ending : {"", "-wal", "-shm"}) fs::remove(session + ending);
-      std::cerr << "\rseed " << seed << ": the graph, " << condition << "          " << std::flush;
+      progress.show("seed ", seed, ": the graph, ", condition);
       rows.push_back(row(seed, condition, Graph(front_end, drive, session).run(camera_loops)));
       mapping_common::writeFile(a.out + "/building.csv", [&](std::ostream& out) { out << csv(rows); });
     };
     for (const bool with_reflectivity : {true, false}) {
-      std::cerr << "\rseed " << seed << ": SLAM" << (with_reflectivity ? "" : " without reflectivities")
-                << "          " << std::flush;
+      progress.show("seed ", seed, ": SLAM", with_reflectivity ? "" : " without reflectivities");
       const FrontEnd front_end = runSlam(drive, a, with_reflectivity);
       add(with_reflectivity ? "all" : "without reflectivities", front_end, drive.camera_loops);
       if (with_reflectivity) add("false loops", front_end, withFalseLoops(drive, a.false_loops, seed));
     }
     fs::remove(drive.bag);
   }
-  std::cerr << '\n';
+  progress.say(a.seeds, " seeds");
   std::cout << mapping_common::markdownTable(rows, 2);
 }
 

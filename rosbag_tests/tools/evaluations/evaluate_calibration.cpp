@@ -4,6 +4,7 @@
 // are seen at many distances and angles of incidence, for the raw, the range and the lookup table model.
 #include <laser_intensity_calib/calibration_file.h>
 #include <laser_intensity_calib/ros/bag_samples.h>
+#include <mapping_common/progress.h>
 #include <mapping_common/tool.h>
 #include <rosbag_tests/evaluations/calibration_evaluation.h>
 
@@ -111,11 +112,9 @@ Surfaces readSurfaces(const Arguments& a) {
                                           mapping_simulation::loadSensor(a.sensor), a.seed, a.cloud);
   if (!a.bag.empty()) return readBag(a);
   const auto source = rosbag_tests::openScans(a.scans);
-  const Surfaces surfaces = readStreet(*source, a.step, a.cloud, [&source](int scan) {
-    std::cerr << "\rscan " << scan + 1 << " of " << source->size() << std::flush;
-  });
-  std::cerr << '\n';
-  return surfaces;
+  mapping_common::Progress progress("evaluate_calibration");
+  return readStreet(*source, a.step, a.cloud,
+                    [&](int scan) { progress.show("scan ", scan + 1, " of ", source->size()); });
 }
 
 Calibration train(const Arguments& a, Surfaces& surfaces) {

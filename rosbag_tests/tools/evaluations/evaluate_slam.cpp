@@ -2,6 +2,7 @@
 //
 // How often SLAM loses the map over many simulated drives, and how exact it is, for each cost.
 #include <mapping_common/files.h>
+#include <mapping_common/progress.h>
 #include <mapping_common/tool.h>
 #include <rosbag_tests/evaluations/slam_evaluation.h>
 #include <rosbag_tests/evaluations/slam_scenario.h>
@@ -130,7 +131,7 @@ class Evaluation {
     std::vector<std::thread> workers;
     for (int i = 0; i < a_.jobs; ++i) workers.emplace_back([this] { work(); });
     for (std::thread& worker : workers) worker.join();
-    std::cerr << '\n';
+    progress_.say(done_, " of ", runs_.size(), " runs, ", lost_, " lost");
     if (!error_.empty()) throw std::runtime_error(error_);
     return std::move(runs_);
   }
@@ -178,8 +179,7 @@ class Evaluation {
     const std::lock_guard<std::mutex> lock(mutex_);
     ++done_;
     lost_ += run.lost();
-    std::cerr << "\revaluate_slam: " << done_ << " of " << runs_.size() << " runs, " << lost_ << " lost"
-              << std::flush;
+    progress_.show(done_, " of ", runs_.size(), " runs, ", lost_, " lost");
   }
 
   const Arguments& a_;
@@ -189,6 +189,7 @@ class Evaluation {
   std::mutex mutex_;
   std::string error_;
   std::size_t done_ = 0, lost_ = 0;
+  mapping_common::Progress progress_{"evaluate_slam"};
 };
 
 void evaluate(const Arguments& a) {
