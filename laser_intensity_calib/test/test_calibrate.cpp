@@ -80,7 +80,7 @@ TEST_F(Calibrate, ReportsWhatItSawAndWhatIsMissing) {
   ASSERT_EQ(0, run("--bag " + bag_ + " --topic /scan --plane --out " + out_ + " --report " +
                    dir_.path("report") + " __name:=calibrate"))
       << output();
-  EXPECT_TRUE(mentions(output(), {"100 %", "samples of 300 scans", "range, degree", "lut", "#"}));
+  EXPECT_TRUE(mentions(output(), {"samples of 300 scans", "range, degree", "lut", "#"}));
   EXPECT_GT(std::filesystem::file_size(dir_.path("report/cells.csv")), 1000u);
   EXPECT_GT(std::filesystem::file_size(dir_.path("report/samples.csv")), 1000u);
   if (output().find("no figures were drawn") == std::string::npos) {

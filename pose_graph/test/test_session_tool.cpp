@@ -70,7 +70,7 @@ TEST_F(SessionTool, OptimisesInPlaceOrToAnotherFile) {
   EXPECT_EQ(0, run("optimise " + path_ + ' ' + dir_.path("out.g2o"))) << output();
   EXPECT_LT(error(readG2o(dir_.path("out.g2o")).graph), 1e-3);
   EXPECT_EQ(0, run("optimise " + path_)) << output();
-  EXPECT_TRUE(mentions(output(), {"iteration 1", "chi2 "}));
+  EXPECT_TRUE(mentions(output(), {"chi2 ", " iterations"}));
   EXPECT_LT(error(readGraph(Session(path_)).graph), 1e-3);
 }
 

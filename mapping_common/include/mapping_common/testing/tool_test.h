@@ -38,6 +38,12 @@ class ToolTest : public ::testing::Test {
     ran_ = mapping_common::run(tool_ + ' ' + arguments);
     return ran_.code;
   }
+  /// The same on a terminal.
+  int runOnTerminal(const std::string& arguments) {
+    ran_ =
+        mapping_common::run("script --quiet --return --command '" + tool_ + ' ' + arguments + "' /dev/null");
+    return ran_.code;
+  }
   std::string output() const { return ran_.said(); }
   /// Runs it, which has to end with this code. @return what was said
   std::string outputOf(const std::string& arguments, int code = 0) {
