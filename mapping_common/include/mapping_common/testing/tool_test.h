@@ -40,8 +40,8 @@ class ToolTest : public ::testing::Test {
   }
   /// The same on a terminal.
   int runOnTerminal(const std::string& arguments) {
-    ran_ =
-        mapping_common::run("script --quiet --return --command '" + tool_ + ' ' + arguments + "' /dev/null");
+    ran_ = mapping_common::run("script --quiet --return --command '" + tool_ + ' ' + arguments +
+                               "' /dev/null </dev/null");
     return ran_.code;
   }
   std::string output() const { return ran_.said(); }
