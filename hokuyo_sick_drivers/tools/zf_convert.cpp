@@ -190,11 +190,10 @@ void writeBag(ScanFileReader& reader, const std::vector<std::size_t>& chosen, co
 
 void convert(Arguments& a) {
   check(a);
-  a.reading.opening = [progress = std::make_shared<Progress>(a, "looking through " + a.in)](double done) {
-    return (*progress)(done, 0);
-  };
+  std::optional<Progress> opening(std::in_place, a, "looking through " + a.in);
+  a.reading.opening = [&opening](double done) { return opening ? (*opening)(done, 0) : !interrupted; };
   const auto reader = openScanFile(a.in, a.reading);
-  a.reading.opening = nullptr;
+  opening.reset();
   try {
     if (a.list) {
       std::cout << a.in << ": " << toString(reader->format()) << ", scans: " << reader->scans().size()

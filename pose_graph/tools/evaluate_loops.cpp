@@ -196,6 +196,7 @@ void run(const Arguments& a) {
                         text(seconds / a.seeds, 2)});
       }
   }
+  progress.say(rows.size() - 1, " rows");
   std::cout << mapping_common::markdownTable(rows, 2);
 }
 

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
 // Says what is in a graph, optimises it, and converts it.
-#include <mapping_common/progress.h>
 #include <mapping_common/tool.h>
 
 #include <algorithm>
@@ -20,6 +19,7 @@
 #include "pose_graph/session.h"
 #include "pose_graph/trajectory_file.h"
 #include "session_commands.h"
+#include "shown.h"
 
 namespace po = boost::program_options;
 
@@ -169,17 +169,13 @@ void run(const Arguments& a) {
   if (a.command != "optimise") return;
   if (a.start == Start::kPoses && !file.has_poses)
     throw std::runtime_error(in + " has no poses to start from");
-  mapping_common::Progress line("pose_graph");
-  const auto progress = [&line](int iteration, double chi2) {
-    line.show("iteration ", iteration, ", chi2 ", chi2);
-    return true;
-  };
   pose_graph::OptimisationResult result;
   if (a.options.method == LoopCheck::kNone) {
-    result = pose_graph::optimiseFrom(a.start, file.graph, a.options.optimisation, progress);
+    result =
+        pose_graph::optimiseFrom(a.start, file.graph, a.options.optimisation, pose_graph::iterationsShown());
   } else {
     pose_graph::startFromOdometry(file.graph);
-    const auto checked = pose_graph::optimiseAndCheck(file.graph, a.options, progress);
+    const auto checked = pose_graph::optimiseAndCheck(file.graph, a.options, pose_graph::iterationsShown());
     result = checked.optimisation;
     for (const std::size_t e : checked.revoked) {
       const auto& edge = file.graph.edges()[e];

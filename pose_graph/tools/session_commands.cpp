@@ -3,7 +3,6 @@
 
 #include <intensity_hector_slam/map_image.h>
 #include <mapping_common/map_image.h>
-#include <mapping_common/progress.h>
 
 #include <algorithm>
 #include <cmath>
@@ -20,25 +19,13 @@
 #include "pose_graph/maps.h"
 #include "pose_graph/session_merge.h"
 #include "pose_graph/trajectory_file.h"
+#include "shown.h"
 
 namespace pose_graph {
 namespace {
 
 std::string endingOf(const std::string& path) {
   return std::filesystem::path(path).extension().string();
-}
-
-mapping_common::Progress& progress() {
-  static mapping_common::Progress line("pose_graph");
-  return line;
-}
-bool showShare(double share) {
-  progress().show(static_cast<int>(100.0 * share), " %");
-  return true;
-}
-bool showIteration(int iteration, double chi2) {
-  progress().show("iteration ", iteration, ", chi2 ", chi2);
-  return true;
 }
 
 std::string size(double bytes) {
@@ -100,9 +87,9 @@ std::vector<SessionEdge> changedEdges(const SessionGraph& read) {
 void optimiseGraph(SessionGraph& read, const LoopCheckOptions& options) {
   OptimisationResult result;
   if (options.method == LoopCheck::kNone) {
-    result = optimise(read.graph, options.optimisation, showIteration);
+    result = optimise(read.graph, options.optimisation, iterationsShown());
   } else {
-    const LoopCheckResult checked = optimiseAndCheck(read.graph, options, showIteration);
+    const LoopCheckResult checked = optimiseAndCheck(read.graph, options, iterationsShown());
     result = checked.optimisation;
     const auto print = [&](const char* what, const std::vector<std::size_t>& edges) {
       for (const std::size_t e : edges)
@@ -111,7 +98,6 @@ void optimiseGraph(SessionGraph& read, const LoopCheckOptions& options) {
     print("accepted", checked.accepted);
     print("wrong", checked.revoked);
   }
-  std::cerr << '\n';
   std::cout << "chi2 " << result.initial_chi2 << " -> " << result.chi2 << " in " << result.iterations
             << (result.converged ? " iterations\n" : " iterations; not converged, see --max-iterations\n");
 }
@@ -140,7 +126,7 @@ void requireAny(std::size_t inserted, const std::string& path) {
 void exportGrid(const Session& session, const Graph& graph, const SessionArguments& a) {
   auto options = mapOptions(session).slam;
   if (a.resolution > 0.0) options.map.resolution = a.resolution;
-  const auto built = buildGridMap(session, graph, options, showShare);
+  const auto built = buildGridMap(session, graph, options, shareShown());
   requireAny(built->inserted, a.in);
   mapping_common::writeMapImage(a.out, intensity_hector_slam::imageOf(built->map.level(0)));
   say(built->inserted, "scans", a.out);
@@ -149,14 +135,14 @@ void exportGrid(const Session& session, const Graph& graph, const SessionArgumen
 void exportOccupancy(const Session& session, const Graph& graph, const SessionArguments& a) {
   auto options = mapOptions(session).occupancy;
   if (a.resolution > 0.0) options.resolution = a.resolution;
-  const auto built = buildOccupancyMap(session, graph, options, showShare);
+  const auto built = buildOccupancyMap(session, graph, options, shareShown());
   requireAny(built->inserted, a.in);
   built->map.save(a.out);
   say(built->inserted, "clouds, " + std::to_string(built->map.size()) + " cells", a.out);
 }
 
 void exportCloud(const Session& session, const Graph& graph, const SessionArguments& a) {
-  const auto points = buildCloud(session, graph, a.voxel, showShare);
+  const auto points = buildCloud(session, graph, a.voxel, shareShown());
   requireAny(points->size(), a.in);
   writePcd(a.out, *points);
   say(points->size(), "points", a.out);
@@ -205,7 +191,7 @@ void optimiseSession(const SessionArguments& a) {
     store(a.in, read);
   } else {
     // Ids become others in a copy, but not their order.
-    if (!mergeSessions({a.in}, a.out, showShare)) return;
+    if (!mergeSessions({a.in}, a.out, shareShown())) return;
     SessionGraph copy = readGraph(Session(a.out));
     for (std::size_t i = 0; i < read.graph.nodes().size(); ++i)
       copy.graph.setPose(i, read.graph.nodes()[i].pose);
@@ -242,7 +228,7 @@ void exportSession(const SessionArguments& a) {
 }
 
 void mergeSessionFiles(const std::vector<std::string>& paths, const SessionArguments& a) {
-  const auto merge = mergeSessions(paths, a.out, showShare);
+  const auto merge = mergeSessions(paths, a.out, shareShown());
   std::cout << merge->place_edges << " PLACE edges between the sessions, " << merge->revoked
             << " of them revoked, as they don't agree with most\n";
   for (const std::string& path : merge->unconnected) {

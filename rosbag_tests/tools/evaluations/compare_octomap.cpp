@@ -117,12 +117,13 @@ void compare(const Arguments& a) {
     comparison.insert(scan);
     progress.show("inserted scan ", ++inserted, ", ", i + 1, " of ", source->size());
   }
+  progress.say("inserted ", inserted, " scans");
   if (bag != nullptr && bag->withoutPose() + bag->malformed() > 0) {
     std::cerr << "left out: " << bag->withoutPose() << " scans without a pose, " << bag->malformed()
               << " malformed\n";
   }
   if (inserted == 0) throw std::runtime_error("there was no scan to insert");
-  progress.say("inserted ", inserted, " scans, comparing");
+  progress.say("comparing");
   if (!a.save.empty()) rtree_occupancy_map::writeMap(comparison.map(0), a.save);
   const rosbag_tests::ComparisonResult result = comparison.finish();
   rosbag_tests::printTable(std::cout, result, a.options);
