@@ -127,7 +127,7 @@ TEST_F(PlaceRecognitionNodeletTest, SurvivesWhateverArrives) {
     fuzz.spoil(cloud);
     clouds_.publish(cloud);
   });
-  expectDiagnostic("Input", "Clouds (Hz)", "0.0");
+  expectQuiet("Input", "Clouds (Hz)");
   expectDiagnostic("Nodelet", "Callbacks that failed", "0");
   std_srvs::Empty reset;
   ASSERT_TRUE(ros::service::call(name_ + "/reset", reset));
@@ -250,7 +250,7 @@ TEST_F(PlaceRecognitionImagesTest, SurvivesWhateverImagesArrive) {
     images_.publish(images.image);
     ranges_.publish(images.range);
   });
-  expectDiagnostic("Input", "Images (Hz)", "0.0");
+  expectQuiet("Input", "Images (Hz)");
   expectDiagnostic("Nodelet", "Callbacks that failed", "0");
   std_srvs::Empty reset;
   ASSERT_TRUE(ros::service::call(name_ + "/reset", reset));

@@ -229,7 +229,7 @@ TEST_F(MappingNodelet, SurvivesWhateverArrives) {
       }
     }
   });
-  for (const char* input : {"Clouds (Hz)", "Scans (Hz)"}) expectDiagnostic("Input", input, "0.0");
+  for (const char* input : {"Clouds (Hz)", "Scans (Hz)"}) expectQuiet("Input", input);
   sendStaticPose("good", poseOf(0.1, 0.1, 0.1));
   std_srvs::Empty reset;
   ASSERT_TRUE(ros::service::call(name_ + "/reset", reset));
