@@ -35,7 +35,7 @@ packages_build=(
   libcv-bridge-dev libimage-transport-dev libmap-msgs-dev
   libboost-iostreams-dev libceres-dev libflann-dev libgtest-dev liblz4-dev liblzma-dev liboctomap-dev libopencv-dev
   libpcl-dev libqhull-dev
-  pybind11-dev python3-dev python3-numpy python3-rostest xz-utils
+  pybind11-dev python3-dev python3-numpy python3-rostest xz-utils zlib1g-dev
 )
 packages_pictures=(rviz xvfb imagemagick)
 packages_plots=(python3-matplotlib python3-yaml)

@@ -49,7 +49,7 @@ double evidence(const Correlation& correlation, const Correlation& above) {
          std::sqrt(variance(correlation) + variance(above));
 }
 
-Alignment Aligner::operator()(const Shape& place, const Eigen::Isometry3d& guess,
+Alignment Aligner::operator()(const PackedShape& place, const Eigen::Isometry3d& guess,
                               const Effort& effort) const {
   // The last two stay 0: they fill registers.
   using Vector8 = Eigen::Matrix<float, 8, 1>;
@@ -57,21 +57,39 @@ Alignment Aligner::operator()(const Shape& place, const Eigen::Isometry3d& guess
   Alignment result;
   result.pose = guess;
   Eigen::Isometry3f pose = guess.inverse().cast<float>();  // place's points to the query's sensor
-  const std::vector<Patch>& patches = place.patches();
-  const std::size_t stride = patches.size() / effort.aligned + 1;
+  const auto groups = [&](std::size_t patches) {
+    return std::clamp<std::size_t>(patches * PackedShape::kGroups / std::max<std::size_t>(1, place.size()), 1,
+                                   PackedShape::kGroups);
+  };
+  const std::size_t aligned = groups(effort.aligned), judged = groups(effort.judged);
+  const auto endOf = [&](std::size_t group) { return place.size() * group / PackedShape::kGroups; };
+  // All are looked up before they are used, as the processor waits for memory once then.
+  std::vector<Eigen::Vector3f> points(endOf(std::max(aligned, judged)) + 1);
+  std::vector<const Patch*> found(points.size());
+  const auto lookUp = [&](std::size_t first, std::size_t end) {
+    for (std::size_t p = first; p < end; ++p) {
+      points[p - first] = pose * place.point(p);
+      found[p - first] = field_.nearest(points[p - first]);
+    }
+  };
   for (int i = 0; i < effort.iterations; ++i) {
     const float t = static_cast<float>(i) / static_cast<float>(effort.iterations - 1);
     const float reach = PatchField::kReach * std::pow(kLastReach / PatchField::kReach, t);
     Matrix8 information = Matrix8::Zero();
     Vector8 gradient = Vector8::Zero();
     float weights = 0.0f;
-    for (std::size_t p = i % stride; p < patches.size(); p += stride) {
-      const Eigen::Vector3f point = pose * patches[p].point;
-      const Patch* other = field_.nearest(point);
+    // Other groups in each iteration, as far as there are.
+    const std::size_t first = i * aligned % (PackedShape::kGroups / aligned * aligned);
+    const std::size_t begin = endOf(first), end = endOf(first + aligned);
+    lookUp(begin, end);
+    for (std::size_t p = begin; p < end; ++p) {
+      const Eigen::Vector3f& point = points[p - begin];
+      const Patch* other = found[p - begin];
       if (!other || other->flatness < 0.3f) continue;
       const Eigen::Vector3f offset = point - other->point;
-      const float alike = std::abs(other->normal.dot(pose.linear() * patches[p].normal));
-      if (offset.squaredNorm() > reach * reach || alike < 0.5f) continue;
+      if (offset.squaredNorm() > reach * reach) continue;
+      const float alike = std::abs(other->normal.dot(pose.linear() * place.normal(p)));
+      if (alike < 0.5f) continue;
       const float error = other->normal.dot(offset);
       const float weight = other->flatness * alike / (1.0f + error * error / (kResidual * kResidual));
       Vector8 jacobian;
@@ -94,22 +112,21 @@ Alignment Aligner::operator()(const Shape& place, const Eigen::Isometry3d& guess
   result.pose = pose.inverse().cast<double>();
 
   std::size_t upright = 0, matched = 0;
-  std::vector<std::pair<float, float>> intensities;
-  const std::size_t step = patches.size() / effort.judged + 1;
-  Pieces pieces(patches.size() / step + 1);
-  for (std::size_t p = 0; p < patches.size(); p += step) {
-    const Eigen::Vector3f point = pose * patches[p].point;
-    const Patch* found = field_.nearest(point);
-    upright += !patches[p].isLevel();
-    if (!found) continue;
-    const float squared = (found->point - point).squaredNorm();
-    matched += !patches[p].isLevel() && squared < kMatched * kMatched;
+  PairSums intensities;
+  const std::size_t count = endOf(judged);
+  lookUp(0, count);
+  Pieces pieces(count + 1);
+  for (std::size_t p = 0; p < count; ++p) {
+    upright += !place.isLevel(p);
+    if (!found[p]) continue;
+    const float squared = (found[p]->point - points[p]).squaredNorm();
+    matched += !place.isLevel(p) && squared < kMatched * kMatched;
     if (squared >= kSame * kSame) continue;
-    intensities.emplace_back(found->intensity, patches[p].intensity);
-    pieces.add(patches[p].point);
+    intensities.add(found[p]->intensity, place.intensity(p));
+    pieces.add(place.point(p));
   }
   result.fit = upright > 0 ? static_cast<double>(matched) / static_cast<double>(upright) : 0.0;
-  result.intensity = {correlationOf(intensities), pieces.count()};
+  result.intensity = {intensities.correlation(), pieces.count()};
   return result;
 }
 

@@ -18,8 +18,11 @@ inline float fastAtan2(float y, float x) {
                          s * (0.1065626393f +
                               s * (-0.0752896400f +
                                    s * (0.0429096138f + s * (-0.0161657367f + s * 0.0028662257f)))))));
-  if (up > across) angle = static_cast<float>(M_PI_2) - angle;
-  if (x < 0.0f) angle = static_cast<float>(M_PI) - angle;
+  // No branches, so that several are computed at once.
+  const float steep = static_cast<float>(M_PI_2) - angle;
+  angle = up > across ? steep : angle;
+  const float behind = static_cast<float>(M_PI) - angle;
+  angle = x < 0.0f ? behind : angle;
   return std::copysign(angle, y);
 }
 

@@ -3,8 +3,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <complex>
 #include <numeric>
 #include <stdexcept>
+#include <utility>
 
 #include "vectorised.h"
 
@@ -37,24 +39,27 @@ const Waves& wavesOf(int columns) {
   return *waves;
 }
 
-// The correlation of rows at all steps, from their spectra a and b, rows x (real, imaginary).
-INTENSITY_PLACE_RECOGNITION_VECTORISED
-void correlate(const float* a, const float* b, int rows, const Waves& waves, float* buffer,
-               std::vector<float>& result) {
+// The correlation of rows at all steps, from their spectra a and b, rows x (real, imaginary) x half.
+template <class Value>
+__attribute__((always_inline)) inline void correlateRows(const float* a, const Value* b, int rows, float step,
+                                                         const Waves& waves, float* buffer,
+                                                         std::vector<float>& result) {
   const int half = waves.half, columns = waves.columns;
   float *real = buffer, *imaginary = real + half, *even = imaginary + half, *odd = even + half;
   std::fill(buffer, buffer + 4 * half, 0.0f);
   for (int r = 0; r < rows; ++r, a += 2 * half, b += 2 * half) {
     for (int f = 0; f < half; ++f) {
-      real[f] += a[2 * f] * b[2 * f] + a[2 * f + 1] * b[2 * f + 1];
-      imaginary[f] += a[2 * f] * b[2 * f + 1] - a[2 * f + 1] * b[2 * f];
+      const float x = a[f], y = a[half + f], u = b[f], v = b[half + f];
+      real[f] += x * u + y * v;
+      imaginary[f] += x * v - y * u;
     }
   }
   for (int f = 0; f < half; ++f) {
     const float *cosine = &waves.cosines[f * half], *sine = &waves.sines[f * half];
+    const float re = step * real[f], im = step * imaginary[f];
     for (int i = 0; i < half; ++i) {
-      even[i] += real[f] * cosine[i];
-      odd[i] += imaginary[f] * sine[i];
+      even[i] += re * cosine[i];
+      odd[i] += im * sine[i];
     }
   }
   for (int i = 0; i < half; ++i) {
@@ -63,11 +68,29 @@ void correlate(const float* a, const float* b, int rows, const Waves& waves, flo
   }
 }
 
+INTENSITY_PLACE_RECOGNITION_VECTORISED
+void correlate(const float* a, const float* b, int rows, float step, const Waves& waves, float* buffer,
+               std::vector<float>& result) {
+  correlateRows(a, b, rows, step, waves, buffer, result);
+}
+
+INTENSITY_PLACE_RECOGNITION_VECTORISED
+void correlate(const float* a, const std::int8_t* b, int rows, float step, const Waves& waves, float* buffer,
+               std::vector<float>& result) {
+  correlateRows(a, b, rows, step, waves, buffer, result);
+}
+
+// Whether so many values are views x rows x half of the columns.
+bool isSize(int views, int rows, int columns, std::size_t values) {
+  return views > 0 && rows > 0 && columns > 0 && values % rows == 0 && values / rows % views == 0 &&
+         values / rows / views == static_cast<std::size_t>(columns / 2 + 1);
+}
+
 }  // namespace
 
 GlobalSignature::GlobalSignature(const std::vector<cv::Mat1f>& views)
     : views_(static_cast<int>(views.size())), rows_(views.at(0).rows), columns_(views[0].cols) {
-  spectrum_.reserve(static_cast<std::size_t>(views_) * rows_ * half());
+  spectrum_.reserve(2 * static_cast<std::size_t>(views_) * rows_ * half());
   key_.assign(static_cast<std::size_t>(std::min(rows_, kKeyRows)) * std::min(kKeyFrequencies, half()), 0.0f);
   for (const cv::Mat1f& view : views) addView(view);
   const float norm = std::sqrt(std::inner_product(key_.begin(), key_.end(), key_.begin(), 0.0f));
@@ -84,38 +107,48 @@ void GlobalSignature::addView(const cv::Mat1f& description) {
   cv::Mat2f full;
   cv::dft(centred, full, cv::DFT_ROWS | cv::DFT_COMPLEX_OUTPUT);
   for (int r = 0; r < rows_; ++r)
-    for (int f = 0; f < half(); ++f) spectrum_.emplace_back(full(r, f)[0], full(r, f)[1]);
+    for (const int part : {0, 1})
+      for (int f = 0; f < half(); ++f) spectrum_.push_back(full(r, f)[part]);
 
   const int groups = std::min(rows_, kKeyRows), frequencies = std::min(kKeyFrequencies, half());
   const float mean_scale = static_cast<float>(columns_ / length / std::sqrt(columns_));
-  const std::complex<float>* added =
-      spectrum_.data() + spectrum_.size() - static_cast<std::size_t>(rows_) * half();
   for (int r = 0; r < rows_; ++r) {
     float* at = &key_[static_cast<std::size_t>(r * groups / rows_) * frequencies];
     at[0] += std::abs(means(r, 0)) * mean_scale;
-    for (int f = 1; f < frequencies; ++f) at[f] += std::abs(added[r * half() + f]);
+    for (int f = 1; f < frequencies; ++f) at[f] += std::hypot(full(r, f)[0], full(r, f)[1]);
   }
 }
 
-bool GlobalSignature::isSound() const {
-  const auto finite = [](float value) { return std::isfinite(value); };
-  return views_ > 0 && rows_ > 0 && columns_ > 0 && !key_.empty() &&
-         std::all_of(key_.begin(), key_.end(), finite) &&
-         spectrum_.size() / rows_ / views_ == static_cast<std::size_t>(half()) &&
-         spectrum_.size() % (static_cast<std::size_t>(rows_) * views_) == 0 &&
-         std::all_of(spectrum_.begin(), spectrum_.end(),
-                     [&](const std::complex<float>& c) { return finite(c.real()) && finite(c.imag()); });
+void GlobalSignature::readComplex(mapping_common::ArchiveReader& in) {
+  in(views_);
+  in(rows_);
+  in(columns_);
+  std::vector<std::complex<float>> values;
+  in(values);
+  in(key_);
+  const auto isFinite = [](float value) { return std::isfinite(value); };
+  if (!isSize(views_, rows_, columns_, values.size()) || key_.empty() ||
+      !std::all_of(key_.begin(), key_.end(), isFinite))
+    throw std::runtime_error("a place in it is inconsistent");
+  for (std::size_t row = 0; row < values.size(); row += half()) {
+    for (int f = 0; f < half(); ++f) spectrum_.push_back(values[row + f].real());
+    for (int f = 0; f < half(); ++f) spectrum_.push_back(values[row + f].imag());
+  }
+  if (!std::all_of(spectrum_.begin(), spectrum_.end(), isFinite))
+    throw std::runtime_error("a place in it is inconsistent");
 }
 
-std::vector<float> GlobalSignature::similarities(const GlobalSignature& other) const {
-  if (!isLike(other)) throw std::invalid_argument("descriptions of different sizes can't be compared");
+template <class Other>
+std::vector<float> GlobalSignature::compared(const Other& other, float step) const {
+  if (views_ != other.views_ || rows_ != other.rows_ || columns_ != other.columns_)
+    throw std::invalid_argument("descriptions of different sizes can't be compared");
   std::vector<float> result(static_cast<std::size_t>(views_) * columns_, -1.0f);
   const Waves& waves = wavesOf(columns_);
   std::vector<float> buffer(4 * static_cast<std::size_t>(half())), turned(columns_);
+  const std::size_t view = 2 * static_cast<std::size_t>(rows_) * half();
   for (int v = 0; v < views_; ++v) {
     for (int w = 0; w < views_; ++w) {
-      correlate(reinterpret_cast<const float*>(view(v)), reinterpret_cast<const float*>(other.view(w)), rows_,
-                waves, buffer.data(), turned);
+      correlate(&spectrum_[v * view], &other.spectrum_[w * view], rows_, step, waves, buffer.data(), turned);
       float* at = &result[static_cast<std::size_t>((w - v + views_) % views_) * columns_];
       for (int i = 0; i < columns_; ++i) at[i] = std::max(at[i], turned[i]);
     }
@@ -123,10 +156,46 @@ std::vector<float> GlobalSignature::similarities(const GlobalSignature& other) c
   return result;
 }
 
+std::vector<float> GlobalSignature::similarities(const GlobalSignature& other) const {
+  return compared(other, 1.0f);
+}
+
+std::vector<float> GlobalSignature::similarities(const PackedSignature& other) const {
+  return compared(other, other.step_);
+}
+
+PackedSignature::PackedSignature(const GlobalSignature& signature)
+    : views_(signature.views_), rows_(signature.rows_), columns_(signature.columns_) {
+  float largest = 1e-12f;
+  for (const float value : signature.spectrum_) largest = std::max(largest, std::abs(value));
+  step_ = largest / 127.0f;
+  spectrum_.reserve(signature.spectrum_.size());
+  for (const float value : signature.spectrum_)
+    spectrum_.push_back(static_cast<std::int8_t>(std::lround(value / step_)));
+}
+
+GlobalSignature PackedSignature::unpacked() const {
+  GlobalSignature signature;
+  signature.views_ = views_;
+  signature.rows_ = rows_;
+  signature.columns_ = columns_;
+  for (const std::int8_t value : spectrum_) signature.spectrum_.push_back(step_ * static_cast<float>(value));
+  return signature;
+}
+
+bool PackedSignature::isSound() const {
+  return std::isfinite(step_) && spectrum_.size() % 2 == 0 &&
+         isSize(views_, rows_, columns_, spectrum_.size() / 2);
+}
+
 void GlobalDescription::add(const std::shared_ptr<const Signature>& signature) {
   const auto& added = dynamic_cast<const GlobalSignature&>(*signature);
-  index_.add(added.key());
-  places_.push_back(added);
+  add(PackedSignature(added), added.key());
+}
+
+void GlobalDescription::add(PackedSignature place, std::vector<float> key) {
+  index_.add(std::move(key));
+  places_.push_back(std::move(place));
 }
 
 std::vector<Candidate> GlobalDescription::candidates(const Signature& signature, int before, int count,
@@ -146,23 +215,37 @@ std::vector<Candidate> GlobalDescription::candidates(const Signature& signature,
 }
 
 float GlobalDescription::similarity(int a, int b) const {
-  const std::vector<float> all = places_.at(a).similarities(places_.at(b));
+  const std::vector<float> all = places_.at(a).unpacked().similarities(places_.at(b));
   return *std::max_element(all.begin(), all.end());
 }
 
 void GlobalDescription::write(mapping_common::ArchiveWriter& out) const {
   out(static_cast<std::uint64_t>(places_.size()));
-  for (GlobalSignature place : places_) place.transfer(out);
+  for (std::size_t i = 0; i < places_.size(); ++i) {
+    PackedSignature place = places_[i];
+    place.transfer(out);
+    out(index_.key(i));
+  }
 }
 
 void GlobalDescription::read(mapping_common::ArchiveReader& in) {
   for (std::size_t left = in.count(kLeastPlace); left > 0; --left) {
-    auto place = std::make_shared<GlobalSignature>();
-    place->transfer(in);
-    if (!place->isSound() || (places() > 0 && (!place->isLike(places_.front()) ||
-                                               place->key().size() != places_.front().key().size())))
+    PackedSignature place;
+    std::vector<float> key;
+    if (in.version() == 1) {
+      GlobalSignature whole;
+      whole.readComplex(in);
+      place = PackedSignature(whole);
+      key = whole.key();
+    } else {
+      place.transfer(in);
+      in(key);
+    }
+    if (!place.isSound() || !std::all_of(key.begin(), key.end(), [](float v) { return std::isfinite(v); }) ||
+        key.empty() ||
+        (places() > 0 && (!place.isLike(places_.front()) || key.size() != index_.key(0).size())))
       throw std::runtime_error("a place in it is inconsistent");
-    add(place);
+    add(std::move(place), std::move(key));
   }
 }
 

@@ -63,13 +63,15 @@ struct Products {
 
 // @param blocks 1: the low frequencies alone
 INTENSITY_PLACE_RECOGNITION_VECTORISED
-void multiply(const std::int16_t* query, const std::int16_t* place, int blocks, float scale, Products& out) {
+void multiply(const std::int16_t* query, const std::int8_t* place, int blocks, float step, const float* steps,
+              Products& out) {
   for (int block = 0; block < blocks; ++block) {
     for (int f = 0; f < blocks * kBlock; ++f) {
       float sum_real[kBlock] = {}, sum_imaginary[kBlock] = {}, difference_real[kBlock] = {},
             difference_imaginary[kBlock] = {};
       for (int c = 0; c < kChannels; ++c) {
-        const std::int16_t *p = place + rowAt(block, f, false, c), *q = query + rowAt(block, f, false, c);
+        const std::int8_t* p = place + rowAt(block, f, false, c);
+        const std::int16_t* q = query + rowAt(block, f, false, c);
         for (int g = 0; g < kBlock; ++g) {
           const float a = p[g], b = p[kBlock + g], x = q[g], y = q[kBlock + g];
           const float k = p[kSign + g], l = p[kSign + kBlock + g], u = q[kSign + g],
@@ -81,7 +83,8 @@ void multiply(const std::int16_t* query, const std::int16_t* place, int blocks, 
           difference_imaginary[g] += i - j;
         }
       }
-      const float once = f == 0 ? 0.5f * scale : scale;  // which is its own negative
+      const float scale = step * steps[block * kFrequencies + f],
+                  once = f == 0 ? 0.5f * scale : scale;  // which is its own negative
       for (int g = 0; g < kBlock; ++g) {
         out.sum_real[f][block * kBlock + g] = once * sum_real[g];
         out.sum_imaginary[f][block * kBlock + g] = once * sum_imaginary[g];
@@ -141,9 +144,67 @@ float vertex(float before, float at, float after) {
   return bend < 0.0f ? std::clamp(0.5f * (before - after) / bend, -0.5f, 0.5f) : 0.0f;
 }
 
+// Of patches that are in a cell of the plan.
+struct Cell {
+  float weight = 0.0f, sum = 0.0f;  // the latter of intensities
+  void add(float part, float intensity) {
+    weight += part;
+    sum += part * intensity;
+  }
+};
+
+// What stands where, around its mean, and light of the ground; light of what is lower, and of what is upper.
+INTENSITY_PLACE_RECOGNITION_VECTORISED
+void fillPlanes(const Cell* cells, float* first, float* second) {
+  constexpr int kAll = kCells * kCells;
+  const Cell *ground = cells + kAll, *lower = cells + 2 * kAll, *upper = cells + 3 * kAll;
+  for (int i = 0; i < kAll; ++i) {
+    first[2 * i] = std::sqrt(lower[i].weight + upper[i].weight);
+    first[2 * i + 1] = ground[i].sum / std::max(1.0f, ground[i].weight);
+    second[2 * i] = lower[i].sum / std::max(1.0f, lower[i].weight);
+    second[2 * i + 1] = upper[i].sum / std::max(1.0f, upper[i].weight);
+  }
+  float mean = 0.0f;
+  for (int i = 0; i < kAll; ++i) mean += first[2 * i] / kAll;
+  for (int i = 0; i < kAll; ++i) first[2 * i] -= mean;
+}
+
+// Of the real and of the imaginary parts.
+std::array<float, 2> lengthsOf(const float* z) {
+  std::array<float, 2> squares{};
+  for (int i = 0; i < 2 * kCells * kCells; i += 2)
+    for (const int k : {0, 1}) squares[k] += z[i + k] * z[i + k];
+  return {std::sqrt(squares[0]), std::sqrt(squares[1])};
+}
+
+constexpr float kSteps =
+    32766.0f / kCells;  // of 1: as large as a frequency can be, by all cells' length of 1
+
+// A row of the spectra of two channels from that of one as the real and the other as the imaginary part.
+// @param mirrored that of the negative frequency along y
+INTENSITY_PLACE_RECOGNITION_VECTORISED
+void separate(const float* row, const float* mirrored, const std::array<float, 2>& scale, std::int16_t* to) {
+  float back[2 * kFrequencies];  // the negative frequencies along x
+  for (int g = 0; g < kFrequencies; ++g) {
+    back[2 * g] = mirrored[2 * ((kCells - g) % kCells)];
+    back[2 * g + 1] = mirrored[2 * ((kCells - g) % kCells) + 1];
+  }
+  for (int block = 0; block < 2; ++block) {
+    std::int16_t* at = to + rowAt(block, 0, false, 0);
+    for (int i = 0; i < kBlock; ++i) {
+      const int g = 2 * (block * kBlock + i);
+      at[i] = rounded(scale[0] * (row[g] + back[g]));
+      at[kBlock + i] = rounded(scale[0] * (row[g + 1] - back[g + 1]));
+      at[kRow + i] = rounded(scale[1] * (row[g + 1] + back[g + 1]));
+      at[kRow + kBlock + i] = rounded(scale[1] * (back[g] - row[g]));
+    }
+  }
+}
+
 }  // namespace
 
 WallDirections::WallDirections(const Shape& shape) {
+  std::array<float, kSteps> parts{};
   for (const Patch& p : shape.patches()) {
     const float flat = p.normal.head<2>().norm();
     if (flat < kUpright || p.flatness < kFlat) continue;
@@ -151,24 +212,26 @@ WallDirections::WallDirections(const Shape& shape) {
     const double step = std::atan2(facing.y(), facing.x()) / (2.0 * M_PI) * kSteps + kSteps;
     const int below = static_cast<int>(step);
     const float part = static_cast<float>(step - below);
-    part_[below % kSteps] += p.flatness * (1.0f - part);
-    part_[(below + 1) % kSteps] += p.flatness * part;
+    parts[below % kSteps] += p.flatness * (1.0f - part);
+    parts[(below + 1) % kSteps] += p.flatness * part;
   }
-  std::copy_n(part_.begin(), kSteps, part_.begin() + kSteps);
+  const float most = std::max(1e-6f, *std::max_element(parts.begin(), parts.end()));
+  for (int i = 0; i < kSteps; ++i) part_[i] = static_cast<std::uint8_t>(255.0f * parts[i] / most + 0.5f);
 }
 
 double WallDirections::bestYaw(const WallDirections& place, double likely, double reach) const {
   constexpr double kStep = 2.0 * M_PI / kSteps;
   const int middle = static_cast<int>(std::lround(likely / kStep)),
             most = static_cast<int>(reach / kStep) + 1;
+  std::array<std::uint8_t, 2 * kSteps> there;  // twice around
+  std::copy(place.part_.begin(), place.part_.end(), there.begin());
+  std::copy(place.part_.begin(), place.part_.end(), there.begin() + kSteps);
   std::vector<float> products(2 * most + 1);
   for (int i = 0; i <= 2 * most; ++i) {
     const int turn = ((middle + i - most) % kSteps + kSteps) % kSteps;
-    constexpr int kLanes = 12;
-    std::array<float, kLanes> sums{};
-    for (int k = 0; k < kSteps; k += kLanes)
-      for (int lane = 0; lane < kLanes; ++lane) sums[lane] += part_[k + lane] * place.part_[turn + k + lane];
-    products[i] = std::accumulate(sums.begin(), sums.end(), 0.0f);
+    int sum = 0;
+    for (int k = 0; k < kSteps; ++k) sum += part_[k] * there[turn + k];
+    products[i] = static_cast<float>(sum);
   }
   const auto best = std::max_element(products.begin() + 1, products.end() - 1);
   const int at = static_cast<int>(best - products.begin());
@@ -176,8 +239,7 @@ double WallDirections::bestYaw(const WallDirections& place, double likely, doubl
 }
 
 GroundPlan::GroundPlan(const Shape& shape, double yaw) : spectrum_(kSize) {
-  using Cells = std::array<float, kCells * kCells>;
-  std::array<Cells, kChannels> sum{}, weight{};
+  std::vector<Cell> cells(kChannels * kCells * kCells);
   const float middle = 0.5f * (kCells - 1);
   const float cosine = static_cast<float>(std::cos(yaw)), sine = static_cast<float>(std::sin(yaw));
   for (const Patch& p : shape.patches()) {
@@ -186,59 +248,29 @@ GroundPlan::GroundPlan(const Shape& shape, double yaw) : spectrum_(kSize) {
     if (!(x >= 0.0f && y >= 0.0f && x < kCells - 1 && y < kCells - 1)) continue;
     const int column = static_cast<int>(x), row = static_cast<int>(y);
     const float right = x - static_cast<float>(column), up = y - static_cast<float>(row);
-    const int channel = p.isLevel() ? 1 : p.point.z() < kUpper ? 2 : 3, at = row * kCells + column;
-    for (const auto& [cell, part] :
-         {std::make_pair(at, (1.0f - right) * (1.0f - up)), std::make_pair(at + 1, right * (1.0f - up)),
-          std::make_pair(at + kCells, (1.0f - right) * up), std::make_pair(at + kCells + 1, right * up)}) {
-      weight[channel][cell] += part;
-      sum[channel][cell] += part * p.intensity;
-    }
+    const int channel = p.isLevel() ? 1 : p.point.z() < kUpper ? 2 : 3;
+    Cell* at = &cells[(channel * kCells + row) * kCells + column];
+    at[0].add((1.0f - right) * (1.0f - up), p.intensity);
+    at[1].add(right * (1.0f - up), p.intensity);
+    at[kCells].add((1.0f - right) * up, p.intensity);
+    at[kCells + 1].add(right * up, p.intensity);
   }
-  float mean = 0.0f;
-  for (int i = 0; i < kCells * kCells; ++i) {
-    sum[0][i] = std::sqrt(weight[2][i] + weight[3][i]);
-    mean += sum[0][i] / (kCells * kCells);
-    for (int c = 1; c < kChannels; ++c) sum[c][i] /= std::max(1.0f, weight[c][i]);
-  }
-  for (float& value : sum[0]) value -= mean;
-  std::vector<float> all(kSize);
   // Two channels at once, as the real and the imaginary part.
+  std::array<cv::Mat2f, kChannels / 2> both;
+  for (cv::Mat2f& z : both) z.create(kCells, kCells);
+  fillPlanes(cells.data(), both[0].ptr<float>(), both[1].ptr<float>());
+  step_ = 1.0f / kSteps;
   for (int c = 0; c < kChannels; c += 2) {
-    cv::Mat2f both(kCells, kCells);
-    std::array<double, 2> squares{};
-    auto* z = both.ptr<cv::Vec2f>();
-    for (int i = 0; i < kCells * kCells; ++i) {
-      z[i] = {sum[c][i], sum[c + 1][i]};
-      squares[0] += sum[c][i] * sum[c][i];
-      squares[1] += sum[c + 1][i] * sum[c + 1][i];
-    }
-    cv::dft(both, both);
-    const float scale = static_cast<float>(0.5 / std::sqrt(std::max(1e-18, squares[0]))),
-                next_scale = static_cast<float>(0.5 / std::sqrt(std::max(1e-18, squares[1])));
-    for (int f = 1 - kFrequencies; f < kFrequencies; ++f) {
-      const auto *row = both.ptr<cv::Vec2f>((f + kCells) % kCells),
-                 *mirrored_row = both.ptr<cv::Vec2f>((kCells - f) % kCells);
-      for (int g = 0; g < kFrequencies; ++g) {
-        const cv::Vec2f here = row[g], mirrored = mirrored_row[(kCells - g) % kCells];
-        float* to = &all[rowAt(g / kBlock, std::abs(f), f < 0, c) + g % kBlock];
-        to[0] = scale * (here[0] + mirrored[0]);
-        to[kBlock] = scale * (here[1] - mirrored[1]);
-        to[kRow] = next_scale * (here[1] + mirrored[1]);
-        to[kRow + kBlock] = next_scale * (mirrored[0] - here[0]);
-      }
-    }
+    cv::Mat2f& z = both[c / 2];
+    std::array<float, 2> scale = lengthsOf(z.ptr<float>());
+    for (float& value : scale) value = 0.5f * kSteps / std::max(1e-9f, value);
+    cv::dft(z, z);
+    for (int f = 1 - kFrequencies; f < kFrequencies; ++f)
+      separate(z.ptr<float>((f + kCells) % kCells), z.ptr<float>((kCells - f) % kCells), scale,
+               &spectrum_[rowAt(0, std::abs(f), f < 0, c)]);
   }
   for (int block = 0; block < 2; ++block)
-    std::copy_n(&all[rowAt(block, 0, false, 0)], kSign, &all[rowAt(block, 0, true, 0)]);
-  float largest = 0.0f;
-  for (int row = 0; row < kSize; row += kRow)
-    for (int g = 0; g < kBlock; ++g)
-      largest =
-          std::max(largest, all[row + g] * all[row + g] + all[row + kBlock + g] * all[row + kBlock + g]);
-  // By magnitude, so that it fits in whatever the phase is.
-  const float steps = 32766.0f / std::sqrt(std::max(largest, 1e-18f));
-  step_ = 1.0f / steps;
-  for (int i = 0; i < kSize; ++i) spectrum_[i] = rounded(steps * all[i]);
+    std::copy_n(&spectrum_[rowAt(block, 0, false, 0)], kSign, &spectrum_[rowAt(block, 0, true, 0)]);
 }
 
 GroundPlan GroundPlan::halfTurned() const {
@@ -261,19 +293,37 @@ GroundPlan GroundPlan::halfTurned() const {
   return turned;
 }
 
-std::vector<float> GroundPlan::correlations(const GroundPlan& place, int step, int shifts,
+PackedPlan::PackedPlan(const GroundPlan& plan) : spectrum_(plan.spectrum_.size()) {
+  // The parts of a frequency along y, of both signs and all channels, follow one another.
+  const std::size_t size = rowAt(0, 1, false, 0);
+  for (std::size_t first = 0; first < spectrum_.size(); first += size) {
+    const std::int16_t* from = &plan.spectrum_[first];
+    int largest = 1;
+    for (std::size_t i = 0; i < size; ++i) largest = std::max(largest, std::abs(static_cast<int>(from[i])));
+    const float scale = 127.0f / static_cast<float>(largest);
+    steps_.push_back(plan.step_ / scale);
+    for (std::size_t i = 0; i < size; ++i)
+      spectrum_[first + i] = static_cast<std::int8_t>(rounded(scale * static_cast<float>(from[i])));
+  }
+}
+
+std::size_t PackedPlan::bytes() const {
+  return sizeof(*this) + spectrum_.capacity() + steps_.capacity() * sizeof(float);
+}
+
+std::vector<float> GroundPlan::correlations(const PackedPlan& place, int step, int shifts,
                                             bool roughly) const {
   Products products;
   const int side = 2 * shifts + 1;
   std::vector<float> map(static_cast<std::size_t>(side) * side);
   const int blocks = roughly ? 1 : 2;
-  multiply(spectrum_.data(), place.spectrum_.data(), blocks,
-           step_ * place.step_ / (kChannels * kCells * kCells), products);
+  multiply(spectrum_.data(), place.spectrum_.data(), blocks, step_ / (kChannels * kCells * kCells),
+           place.steps_.data(), products);
   toShifts(products, blocks, step, shifts, waves(), map.data());
   return map;
 }
 
-GroundPlan::Shift GroundPlan::roughShift(const GroundPlan& place, float reach) const {
+GroundPlan::Shift GroundPlan::roughShift(const PackedPlan& place, float reach) const {
   constexpr int kStep = 2;
   const int shifts = std::clamp(static_cast<int>(std::ceil(reach / kStep)), 0, kMostShifts / kStep);
   const std::vector<float> map = correlations(place, kStep, shifts, true);
@@ -283,7 +333,7 @@ GroundPlan::Shift GroundPlan::roughShift(const GroundPlan& place, float reach) c
           static_cast<float>(kStep * (at / side - shifts))};
 }
 
-std::vector<GroundPlan::Shift> GroundPlan::bestShifts(const GroundPlan& place, float reach,
+std::vector<GroundPlan::Shift> GroundPlan::bestShifts(const PackedPlan& place, float reach,
                                                       std::size_t count) const {
   const int shifts = std::clamp(static_cast<int>(std::ceil(reach)), 0, kMostShifts), side = 2 * shifts + 1;
   const std::vector<float> map = correlations(place, 1, shifts, false);

@@ -6,7 +6,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "fast_atan2.h"
+#include "directions.h"
 
 namespace intensity_place_recognition {
 namespace {
@@ -73,9 +73,7 @@ Eigen::Vector3d Panorama::directionOf(const cv::Point2d& pixel) const {
 
 PanoramaBuilder::PanoramaBuilder(const PanoramaOptions& options)
     : options_(mapping_common::validate(options)),
-      intensity_(options.height, options.width, 0.0f),
-      range_(options.height, options.width, 0.0f),
-      count_(options.height, options.width, 0) {}
+      pixels_(static_cast<std::size_t>(options.height) * options.width) {}
 
 void PanoramaBuilder::add(const pcl::PointXYZI* points, std::size_t count) {
   const float per_column = static_cast<float>(options_.width / (2.0 * M_PI));
@@ -84,22 +82,32 @@ void PanoramaBuilder::add(const pcl::PointXYZI* points, std::size_t count) {
   const float top = static_cast<float>(options_.max_elevation), pi = static_cast<float>(M_PI);
   const float nearest = static_cast<float>(options_.min_range * options_.min_range);
   const float farthest = static_cast<float>(options_.max_range * options_.max_range);
-  for (const pcl::PointXYZI* p = points; p != points + count; ++p) {
-    const float flat = p->x * p->x + p->y * p->y, squared = flat + p->z * p->z;
-    if (!(squared >= nearest && squared <= farthest) || !isMeasured(*p)) continue;
-    const float row = (top - fastAtan2(p->z, std::sqrt(flat))) * per_row;
-    if (!(row >= 0.0f && row < static_cast<float>(options_.height))) continue;
+  forEachDirection(points, count, [&](const pcl::PointXYZI& p, const Directions& at, int i) {
+    const float squared = at.squared[i], row = (top - at.elevation[i]) * per_row;
+    if (!(squared >= nearest && squared <= farthest && squared > 0.0f) ||
+        !(row >= 0.0f && row < static_cast<float>(options_.height)))
+      return;
     const int y = static_cast<int>(row);
-    const int x = std::min(static_cast<int>((pi - fastAtan2(p->y, p->x)) * per_column), options_.width - 1);
-    const float weight = 1.0f / static_cast<float>(++count_(y, x));
-    intensity_(y, x) += (p->intensity - intensity_(y, x)) * weight;
-    range_(y, x) += (std::sqrt(squared) - range_(y, x)) * weight;
+    const int x = std::min(static_cast<int>((pi - at.azimuth[i]) * per_column), options_.width - 1);
+    Pixel& pixel = pixels_[static_cast<std::size_t>(y) * options_.width + x];
+    const float weight = 1.0f / static_cast<float>(++pixel.count);
+    pixel.intensity += (p.intensity - pixel.intensity) * weight;
+    pixel.range += (std::sqrt(squared) - pixel.range) * weight;
     ++points_;
-  }
+  });
 }
 
 Panorama PanoramaBuilder::panorama(int largest_hole) const {
-  Panorama p{options_, intensity_.clone(), range_.clone(), cv::Mat1b(count_ > 0)};
+  const int height = options_.height, width = options_.width;
+  Panorama p{options_, cv::Mat1f(height, width), cv::Mat1f(height, width), cv::Mat1b(height, width)};
+  for (int y = 0; y < height; ++y) {
+    const Pixel* row = &pixels_[static_cast<std::size_t>(y) * width];
+    for (int x = 0; x < width; ++x) {
+      p.intensity(y, x) = row[x].intensity;
+      p.range(y, x) = row[x].range;
+      p.mask(y, x) = row[x].count > 0 ? 255 : 0;
+    }
+  }
   if (largest_hole > 0) {
     fillColumns(p, largest_hole);
     fillRows(p, largest_hole);

@@ -70,10 +70,10 @@ PatchField::PatchField(const Shape& shape) : shape_(&shape) {
   origin_ = box.low.array() - kReach;
   size_ = (((box.high - origin_).array() + kReach) / kCell).cast<int>() + 1;
   grid_ = BlockGrid(size_);
-  index_.assign(grid_.slots(), -1);
+  index_.assign(grid_.slots(), kNone);
   const float reach = kReach / kCell;
   std::vector<float> squared(grid_.slots());
-  for (std::size_t i = 0; i < patches.size(); ++i) {
+  for (std::size_t i = 0; i < std::min<std::size_t>(kNone, patches.size()); ++i) {
     const Eigen::Vector3f at = (patches[i].point - origin_) / kCell - Eigen::Vector3f::Constant(0.5f);
     const Eigen::Vector3i first = (at.array() - reach).ceil().max(0.0f).cast<int>();
     const Eigen::Vector3i last = (at.array() + reach).floor().cast<int>().min(size_.array() - 1);
@@ -86,12 +86,12 @@ PatchField::PatchField(const Shape& shape) : shape_(&shape) {
           if (distance >= reach * reach) continue;
           const std::size_t slot = grid_.makeSlot(x, y, z);
           if (slot >= index_.size()) {
-            index_.resize(grid_.slots(), -1);
+            index_.resize(grid_.slots(), kNone);
             squared.resize(grid_.slots(), reach * reach);
           }
           if (distance >= squared[slot]) continue;
           squared[slot] = distance;
-          index_[slot] = static_cast<std::int32_t>(i);
+          index_[slot] = static_cast<std::uint16_t>(i);
         }
       }
     }

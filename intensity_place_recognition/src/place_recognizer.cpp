@@ -17,7 +17,7 @@
 namespace intensity_place_recognition {
 namespace {
 
-const mapping_common::ArchiveFormat kFormat{"PLACEDB2", "a database of places"};
+const mapping_common::ArchiveFormat kFormat{"PLACEDB2", "a database of places", 1, 2};
 constexpr std::size_t kLeastPlace = 32;  // bytes of a place in a file, at least
 constexpr int kYaws = 120;               // of a query's plans
 constexpr double kParallax = 0.14;       // rad, that descriptions may err as the sensor is some metres beside
@@ -116,7 +116,8 @@ const char* stageName(Stage stage) {
   return kNames[static_cast<std::size_t>(stage)];
 }
 
-PlaceRecognizer::Plans::Plans(const Shape& shape) : walls(shape), plan(shape, 0.0) {}
+PlaceRecognizer::Kept::Kept(PackedShape packed, const Shape& unpacked)
+    : shape(std::move(packed)), walls(unpacked), plan(GroundPlan(unpacked, 0.0)) {}
 
 PlaceRecognizer::PlaceRecognizer(const PlaceRecognizerOptions& options)
     : options_(mapping_common::validate(options)), description_(makeDescription(options.description)) {}
@@ -146,8 +147,9 @@ Recognition PlaceRecognizer::process(const Cloud& cloud, const std::function<voi
 
 void PlaceRecognizer::add(Place place) {
   description_->add(place.signature);
-  plans_.emplace_back(place.shape);
-  shapes_.push_back(std::move(place.shape));
+  PackedShape packed(place.shape);
+  const Shape unpacked = packed.unpacked();
+  places_.emplace_back(std::move(packed), unpacked);
 }
 
 std::vector<PlaceRecognizer::Hypothesis> PlaceRecognizer::hypotheses(const Place& place, int before) const {
@@ -179,7 +181,7 @@ std::vector<PlaceRecognizer::Hypothesis> PlaceRecognizer::hypotheses(const Place
   std::vector<Likely> rough, fine;
   for (const Candidate& candidate :
        description_->candidates(*place.signature, before, options_.neighbours, options_.turns)) {
-    const Plans& there = plans_[candidate.place];
+    const Kept& there = places_[candidate.place];
     for (const double likely : candidate.yaws) {
       const double yaw = walls.bestYaw(there.walls, likely, kParallax);
       Likely h;
@@ -192,7 +194,7 @@ std::vector<PlaceRecognizer::Hypothesis> PlaceRecognizer::hypotheses(const Place
   }
   keepBest(rough, options_.plans);
   for (Likely& h : rough) {
-    for (const GroundPlan::Shift& shift : planAt(h.turn).bestShifts(plans_[h.place].plan, reach, kPeaks)) {
+    for (const GroundPlan::Shift& shift : planAt(h.turn).bestShifts(places_[h.place].plan, reach, kPeaks)) {
       h.correlation = shift.correlation;
       h.shift = shift;
       fine.push_back(h);
@@ -216,7 +218,7 @@ void PlaceRecognizer::align(const Aligner& aligner, std::vector<Hypothesis>& all
   // Place by place, as each is read from memory then.
   std::stable_sort(all.begin(), all.end(),
                    [](const Hypothesis& a, const Hypothesis& b) { return a.place < b.place; });
-  for (Hypothesis& h : all) h.alignment = aligner(shapes_[h.place], h.alignment.pose, Aligner::kLittle);
+  for (Hypothesis& h : all) h.alignment = aligner(places_[h.place].shape, h.alignment.pose, Aligner::kLittle);
   byQuality();
   std::vector<Hypothesis> kept;
   for (const Hypothesis& h : all) {
@@ -227,7 +229,7 @@ void PlaceRecognizer::align(const Aligner& aligner, std::vector<Hypothesis>& all
     if (!known) kept.push_back(h);
   }
   all = std::move(kept);
-  for (Hypothesis& h : all) h.alignment = aligner(shapes_[h.place], h.alignment.pose);
+  for (Hypothesis& h : all) h.alignment = aligner(places_[h.place].shape, h.alignment.pose);
   byQuality();
 }
 
@@ -242,13 +244,17 @@ double PlaceRecognizer::margin(const Hypothesis& best, const Registration& found
       rivals.emplace_back(evidence(own, h.alignment.intensity), &h);
   }
   std::sort(rivals.begin(), rivals.end());
+  Shape match;
   std::unique_ptr<Aligner> at_match;
   for (const auto& [by, h] : rivals) {
     if (by >= options_.min_margin || h->place == best.place) return by;
     // Where the query's poses say that both show one place, do they?
-    if (!at_match) at_match = std::make_unique<Aligner>(shapes_[best.place]);
+    if (!at_match) {
+      match = places_[best.place].shape.unpacked();
+      at_match = std::make_unique<Aligner>(match);
+    }
     const Eigen::Isometry3d between = h->alignment.pose * found.pose.inverse();
-    const Alignment same = (*at_match)(shapes_[h->place], between);
+    const Alignment same = (*at_match)(places_[h->place].shape, between);
     if (!samePose(between, same.pose) || evidence(same.intensity, options_.registration.min_intensity) <
                                              kLessEvidence * options_.registration.min_evidence)
       return by;
@@ -283,7 +289,7 @@ Recognition PlaceRecognizer::recognize(const Place& place, int query,
   for (const Hypothesis& h : all) {
     if (registered.count(h.place) > 0) continue;
     if (left-- == 0) break;
-    const Registration registration = registrar(shapes_[h.place], h.alignment.pose);
+    const Registration registration = registrar(places_[h.place].shape.unpacked(), h.alignment.pose);
     if (!registered.empty()) {
       Recognition other = found(h, registration);
       if (other.registration.accepted) result.others.push_back(std::move(other));
@@ -310,8 +316,11 @@ void PlaceRecognizer::save(const std::string& path) const {
   mapping_common::writeArchive(path, kFormat, [&](mapping_common::ArchiveWriter& out) {
     PlaceRecognizerOptions options = options_;
     out(mapping_common::optionsOf(options));
-    out(static_cast<std::uint64_t>(shapes_.size()));
-    for (Shape shape : shapes_) shape.transfer(out);
+    out(static_cast<std::uint64_t>(places_.size()));
+    for (const Kept& place : places_) {
+      PackedShape shape = place.shape;
+      shape.transfer(out);
+    }
     description_->write(out);
   });
 }
@@ -326,11 +335,18 @@ void PlaceRecognizer::load(const std::string& path) {
     merged.largest_hole = file.largest_hole;
     merged.description = file.description;
     loaded = std::make_unique<PlaceRecognizer>(merged);
-    loaded->shapes_.resize(in.count(kLeastPlace));
-    for (Shape& shape : loaded->shapes_) {
-      shape.transfer(in);
-      if (!shape.isSound()) throw std::runtime_error("a place in it is inconsistent");
-      loaded->plans_.emplace_back(shape);
+    for (std::size_t left = in.count(kLeastPlace); left > 0; --left) {
+      PackedShape packed;
+      if (in.version() == 1) {
+        Shape shape;
+        shape.transfer(in);
+        packed = PackedShape(shape);
+      } else {
+        packed.transfer(in);
+      }
+      const Shape unpacked = packed.unpacked();
+      if (!unpacked.isSound()) throw std::runtime_error("a place in it is inconsistent");
+      loaded->places_.emplace_back(std::move(packed), unpacked);
     }
     loaded->description_->read(in);
     if (loaded->description_->places() != loaded->places())

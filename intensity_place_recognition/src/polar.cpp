@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "fast_atan2.h"
+#include "directions.h"
 #include "intensity_place_recognition/global_description.h"
 
 namespace intensity_place_recognition {
@@ -26,18 +26,20 @@ class Polar : public GlobalDescription {
     cv::Mat1f height = result.rowRange(0, rings), light = result.rowRange(rings, 2 * rings);
     cv::Mat1i count(rings, directions, 0);
     const float per_ring = static_cast<float>(rings / options_.radius);
-    for (const pcl::PointXYZI& p : scene.cloud) {
-      const float distance = std::sqrt(p.x * p.x + p.y * p.y);
-      if (!(distance * per_ring < static_cast<float>(rings)) || !std::isfinite(p.z) || p.z > kHighest ||
-          distance < scene.min_range)
-        continue;
-      const int ring = static_cast<int>(distance * per_ring);
-      const int direction = std::min(
-          static_cast<int>((M_PI - fastAtan2(p.y, p.x)) / (2.0 * M_PI) * directions), directions - 1);
-      height(ring, direction) = std::max(height(ring, direction), std::max(p.z - kLowest, 0.0f));
-      light(ring, direction) += p.intensity;
-      ++count(ring, direction);
-    }
+    forEachDirection(
+        scene.cloud.points.data(), scene.cloud.size(),
+        [&](const pcl::PointXYZI& p, const Directions& at, int i) {
+          const float distance = at.flat[i];
+          if (!(distance * per_ring < static_cast<float>(rings)) || !std::isfinite(p.z) || p.z > kHighest ||
+              distance < scene.min_range)
+            return;
+          const int ring = static_cast<int>(distance * per_ring);
+          const int direction =
+              std::min(static_cast<int>((M_PI - at.azimuth[i]) / (2.0 * M_PI) * directions), directions - 1);
+          height(ring, direction) = std::max(height(ring, direction), std::max(p.z - kLowest, 0.0f));
+          light(ring, direction) += p.intensity;
+          ++count(ring, direction);
+        });
     // Each ring's intensities around their mean: how light things look depends on the distance.
     for (int r = 0; r < rings; ++r) {
       double sum = 0.0, squares = 0.0;

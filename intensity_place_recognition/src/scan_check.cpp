@@ -7,7 +7,7 @@
 #include <stdexcept>
 #include <vector>
 
-#include "fast_atan2.h"
+#include "directions.h"
 
 namespace intensity_place_recognition {
 namespace {
@@ -66,25 +66,28 @@ void checkScan(const Cloud& cloud, const PanoramaOptions& options) {
 
 double transparency(const Cloud& cloud, const PanoramaOptions& options) {
   struct Range {
-    float nearest = INFINITY, farthest = 0.0f;
+    float nearest = INFINITY, farthest = 0.0f;  // squared
     int count = 0;
   };
   std::vector<Range> ranges(static_cast<std::size_t>(kColumns) * kRows);
-  for (const pcl::PointXYZI& p : cloud) {
-    const float range = p.getVector3fMap().norm();
-    if (!isMeasured(p) || !(range >= options.min_range && range <= options.max_range)) continue;
-    const float flat = std::sqrt(p.x * p.x + p.y * p.y);
-    const int x = static_cast<int>((fastAtan2(p.y, p.x) / (2.0 * M_PI) + 0.5) * (kColumns - 1));
-    const int y = static_cast<int>((fastAtan2(p.z, flat) / M_PI + 0.5) * (kRows - 1));
+  const auto nearest = static_cast<float>(options.min_range * options.min_range),
+             farthest = static_cast<float>(options.max_range * options.max_range);
+  const auto per_column = static_cast<float>((kColumns - 1) / (2.0 * M_PI)),
+             per_row = static_cast<float>((kRows - 1) / M_PI);
+  forEachDirection(cloud.points.data(), cloud.size(), [&](const auto&, const Directions& at, int i) {
+    const float squared = at.squared[i];
+    if (!(squared > 0.0f && squared >= nearest && squared <= farthest)) return;
+    const int x = static_cast<int>(at.azimuth[i] * per_column + 0.5f * (kColumns - 1));
+    const int y = static_cast<int>(at.elevation[i] * per_row + 0.5f * (kRows - 1));
     Range& r = ranges[static_cast<std::size_t>(y) * kColumns + x];
-    r.nearest = std::min(r.nearest, range);
-    r.farthest = std::max(r.farthest, range);
+    r.nearest = std::min(r.nearest, squared);
+    r.farthest = std::max(r.farthest, squared);
     ++r.count;
-  }
+  });
   std::size_t several = 0, behind = 0;
   for (const Range& r : ranges) {
     several += r.count > 1;
-    behind += r.count > 1 && r.farthest > kBehind * r.nearest;
+    behind += r.count > 1 && r.farthest > kBehind * kBehind * r.nearest;
   }
   return several > 0 ? static_cast<double>(behind) / static_cast<double>(several) : 0.0;
 }

@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "intensity_place_recognition/shape.h"
 
+#include <zlib.h>
+
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <numeric>
+#include <stdexcept>
 #include <utility>
 
 #include "intensity_place_recognition/block_grid.h"
@@ -209,6 +212,79 @@ bool Shape::seesThrough(const Eigen::Vector3f& point, float margin) const {
     }
   }
   return seen;
+}
+
+PackedShape::PackedShape(const Shape& shape)
+    : rows_(shape.rows_), columns_(shape.columns_), lowest_(shape.lowest_), highest_(shape.highest_) {
+  const std::vector<Patch>& all = shape.patches();
+  if (!all.empty()) {
+    Eigen::Vector3f highest_point = lowest_point_ = all.front().point;
+    for (const Patch& p : all) {
+      lowest_point_ = lowest_point_.cwiseMin(p.point);
+      highest_point = highest_point.cwiseMax(p.point);
+    }
+    step_ = (highest_point - lowest_point_)
+                .cwiseMax(1e-3f)
+                .cwiseQuotient(Eigen::Vector3f(kMask, kMask, kHeightMask));
+  }
+  const auto rounded = [](float value) { return static_cast<std::uint64_t>(std::max(0.0f, value) + 0.5f); };
+  patches_.reserve(all.size());
+  // Any three groups that follow one another from a multiple of three are every eighth patch, and so on.
+  constexpr std::array<std::size_t, kGroups> kOrder = {0, 8, 16, 4, 12, 20, 2, 10, 18, 6, 14, 22,
+                                                       1, 9, 17, 5, 13, 21, 3, 11, 19, 7, 15, 23};
+  for (const std::size_t first : kOrder) {
+    for (std::size_t i = first; i < all.size(); i += kGroups) {
+      const Patch& p = all[i];
+      const Eigen::Vector3f at = (p.point - lowest_point_).cwiseQuotient(step_);
+      const Eigen::Vector3f n = (p.normal.z() < 0.0f ? -1.0f : 1.0f) / p.normal.lpNorm<1>() * p.normal;
+      patches_.push_back(rounded(at.x()) | rounded(at.y()) << 14 | rounded(at.z()) << 28 |
+                         rounded((n.x() + n.y() + 1.0f) * kNormalSteps) << 40 |
+                         rounded((n.x() - n.y() + 1.0f) * kNormalSteps) << 47 |
+                         rounded((p.intensity + 0.5f) * kIntensitySteps) << 54 |
+                         rounded(p.flatness * kFlatnessSteps) << 60 | std::uint64_t(p.isLevel()) << 63);
+    }
+  }
+
+  std::vector<std::uint16_t> changes(shape.nearest_.size());
+  std::adjacent_difference(shape.nearest_.begin(), shape.nearest_.end(), changes.begin());
+  // Low bytes first, then high ones, which are alike.
+  std::vector<std::uint8_t> bytes(2 * changes.size());
+  for (std::size_t i = 0; i < changes.size(); ++i) {
+    bytes[i] = static_cast<std::uint8_t>(changes[i]);
+    bytes[changes.size() + i] = static_cast<std::uint8_t>(changes[i] >> 8);
+  }
+  uLongf size = compressBound(bytes.size());
+  std::vector<std::uint8_t> packed(size);
+  if (compress2(packed.data(), &size, bytes.data(), bytes.size(), Z_BEST_SPEED) != Z_OK)
+    throw std::runtime_error("the ranges can't be compressed");
+  ranges_.assign(packed.begin(), packed.begin() + static_cast<std::ptrdiff_t>(size));
+}
+
+Shape PackedShape::unpacked() const {
+  Shape shape;
+  shape.patches_.resize(patches_.size());
+  for (std::size_t i = 0; i < patches_.size(); ++i)
+    shape.patches_[i] = {point(i), normal(i), intensity(i), flatness(i)};
+  shape.rows_ = rows_;
+  shape.columns_ = columns_;
+  shape.lowest_ = lowest_;
+  shape.highest_ = highest_;
+  const std::size_t pixels = static_cast<std::size_t>(std::max(0, rows_)) * std::max(0, columns_);
+  // What zlib's format can hold at most, so that a damaged number takes no memory.
+  if (2 * pixels > 1032 * ranges_.size()) throw std::runtime_error("a place in it is inconsistent");
+  std::vector<std::uint8_t> bytes(2 * pixels);
+  uLongf size = bytes.size();
+  if (uncompress(bytes.data(), &size, ranges_.data(), ranges_.size()) != Z_OK || size != bytes.size())
+    throw std::runtime_error("a place in it is inconsistent");
+  shape.nearest_.resize(pixels);
+  std::uint16_t last = 0;
+  for (std::size_t i = 0; i < pixels; ++i)
+    shape.nearest_[i] = last = static_cast<std::uint16_t>(last + bytes[i] + 256 * bytes[pixels + i]);
+  return shape;
+}
+
+std::size_t PackedShape::bytes() const {
+  return sizeof(*this) + patches_.capacity() * sizeof(patches_[0]) + ranges_.capacity();
 }
 
 }  // namespace intensity_place_recognition

@@ -45,6 +45,20 @@ TEST(GlobalSignature, ComparesAtAllTurnsAsTheCosineDoes) {
   EXPECT_THROW(GlobalSignature(Views{a}).similarities(GlobalSignature(Views{a, b})), std::invalid_argument);
 }
 
+TEST(PackedSignature, IsComparedAsTheWholeOne) {
+  cv::Mat1f a(40, 120), b(40, 120);
+  cv::randn(a, 0.0, 1.0);
+  cv::randn(b, 0.0, 1.0);
+  const GlobalSignature here(Views{a}), there(Views{b + a});
+  const PackedSignature packed(there);
+  EXPECT_TRUE(packed.isSound());
+  const std::vector<float> expected = here.similarities(there), found = here.similarities(packed);
+  ASSERT_EQ(expected.size(), found.size());
+  for (std::size_t i = 0; i < found.size(); ++i) EXPECT_NEAR(expected[i], found[i], 2e-3) << i;
+  EXPECT_NEAR(1.0, there.bestTurns(packed, 1).at(0).similarity, 2e-3);
+  EXPECT_LT(packed.bytes(), 5000u);
+}
+
 TEST(GlobalSignature, RecognisesEitherView) {
   cv::Mat1f views[3];
   for (cv::Mat1f& view : views) {

@@ -1,13 +1,19 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <gtest/gtest.h>
+#include <mapping_common/archive.h>
 #include <mapping_common/files.h>
 #include <mapping_common/testing/temp_dir.h>
 
+#include <algorithm>
 #include <cmath>
+#include <complex>
+#include <cstdint>
 #include <limits>
 #include <set>
 #include <string>
+#include <vector>
 
+#include "intensity_place_recognition/global_description.h"
 #include "intensity_place_recognition/place_recognizer.h"
 #include "test_street.h"
 
@@ -112,6 +118,90 @@ TEST(PlaceRecognizer, SavesAndLoads) {
     EXPECT_EQ(4, other.places());
   }
   EXPECT_THROW(other.load(dir.path("absent.db")), std::runtime_error);
+}
+
+// As version 1 wrote them, with whole shapes and descriptions.
+TEST(PlaceRecognizer, ReadsOlderFiles) {
+  const mapping_common::TempDir dir;
+  PlaceRecognizerOptions options;
+  const Cloud scan = Street(4).scan(Street::at(0.0, 0.0, 0.4));
+  Place place = PlaceRecognizer(options).describe(scan);
+  const int rows = 2 * options.description.rings, columns = options.description.directions;
+  for (const float value : {0.01f, NAN}) {
+    const std::string path = dir.path("old.db");
+    mapping_common::writeArchive(
+        path, {"PLACEDB2", "a database of places"}, [&](mapping_common::ArchiveWriter& out) {
+          out(mapping_common::optionsOf(options));
+          out(std::uint64_t(1));
+          place.shape.transfer(out);
+          out(std::uint64_t(1));
+          for (const int size : {1, rows, columns}) out(size);
+          std::vector<std::complex<float>> spectrum(rows * (columns / 2 + 1), {value, -value});
+          spectrum[7] = {1.0f, 0.5f};
+          out(spectrum);
+          out(std::vector<float>(128, 0.1f));
+        });
+    PlaceRecognizer old;
+    if (std::isnan(value)) {
+      EXPECT_THROW(old.load(path), std::runtime_error);
+      continue;
+    }
+    old.load(path);
+    EXPECT_EQ(1, old.places());
+    const std::string again = dir.path("new.db");
+    old.save(again);
+    for (const std::string& file : {path, again}) {
+      PlaceRecognizer loaded;
+      loaded.load(file);
+      EXPECT_EQ(old.description().similarity(0, 0), loaded.description().similarity(0, 0));
+      EXPECT_EQ(1, loaded.places());
+    }
+  }
+}
+
+TEST(PackedPlace, TakesLittleMemoryAndKeepsWhatCounts) {
+  const Cloud scan = Street(1).scan(Street::at(0.0, 0.0, 0.1));
+  const Place place = PlaceRecognizer().describe(scan);
+  const PackedShape packed(place.shape);
+  const Shape shape = packed.unpacked();
+  ASSERT_TRUE(shape.isSound());
+  const std::vector<Patch>& all = place.shape.patches();
+  ASSERT_GT(all.size(), 2000u);
+  ASSERT_EQ(all.size(), packed.size());
+  // Each group is from everywhere, so that its patches aren't in the order of the shape's.
+  std::vector<bool> known(all.size(), false);
+  for (std::size_t i = 0; i < packed.size(); ++i) {
+    std::size_t nearest = 0;
+    float squared = INFINITY;
+    for (std::size_t k = 0; k < all.size(); ++k) {
+      const float distance = (all[k].point - packed.point(i)).squaredNorm();
+      if (distance < squared) {
+        squared = distance;
+        nearest = k;
+      }
+    }
+    known[nearest] = true;
+    EXPECT_LT(squared, 0.007f * 0.007f);
+    EXPECT_GT(std::abs(all[nearest].normal.dot(packed.normal(i))), std::cos(0.025f));
+    EXPECT_NEAR(all[nearest].intensity, packed.intensity(i), 0.009f);
+    EXPECT_NEAR(all[nearest].flatness, packed.flatness(i), 0.072f);
+    EXPECT_EQ(all[nearest].isLevel(), packed.isLevel(i));
+  }
+  EXPECT_TRUE(std::all_of(known.begin(), known.end(), [](bool is) { return is; }));
+  // Ranges are the same.
+  int through = 0;
+  for (int i = 0; i < 20000; ++i) {
+    const Eigen::Vector3f point(std::cos(0.1f * i) * (1.0f + 0.003f * i),
+                                std::sin(0.1f * i) * (1.0f + 0.003f * i), -1.5f + 0.1f * (i % 40));
+    EXPECT_EQ(place.shape.seesThrough(point, 0.5f), shape.seesThrough(point, 0.5f));
+    through += shape.seesThrough(point, 0.5f);
+  }
+  EXPECT_GT(through, 100);
+  const PackedSignature signature(dynamic_cast<const GlobalSignature&>(*place.signature));
+  const double most = 3500.0 / static_cast<double>(all.size());  // patches that there are at most
+  EXPECT_LT(most * static_cast<double>(packed.bytes()) + PackedPlan(GroundPlan(shape, 0.0)).bytes() +
+                signature.bytes() + sizeof(WallDirections) + 128 * sizeof(float),
+            60e3);
 }
 
 TEST(PlaceRecognizer, SaysWhyACloudWontDo) {

@@ -10,7 +10,7 @@
 namespace intensity_place_recognition {
 namespace {
 
-const mapping_common::ArchiveFormat kFormat{"DESCRIBE", "a description"};
+const mapping_common::ArchiveFormat kFormat{"DESCRIBE", "a description", 2, 2};
 
 // As a recogniser uses it.
 class Described {

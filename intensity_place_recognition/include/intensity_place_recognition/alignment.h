@@ -65,9 +65,9 @@ class Aligner {
     int iterations;
     std::size_t aligned, judged;  ///< patches at most
   };
-  static constexpr Effort kFull{10, 500, 1750}, kLittle{3, 150, 450};
+  static constexpr Effort kFull{10, 500, 1170}, kLittle{3, 150, 450};
   /// @param guess query's sensor seen from the place's, right to about a metre and 4 degrees
-  Alignment operator()(const Shape& place, const Eigen::Isometry3d& guess,
+  Alignment operator()(const PackedShape& place, const Eigen::Isometry3d& guess,
                        const Effort& effort = kFull) const;
 
  private:

@@ -6,13 +6,17 @@
 // at all. A view has one column, and turns are those from view to view.
 #pragma once
 
-#include <complex>
+#include <cstdint>
 #include <deque>
+#include <memory>
+#include <vector>
 
 #include "intensity_place_recognition/place_index.h"
 #include "intensity_place_recognition/scene_description.h"
 
 namespace intensity_place_recognition {
+
+class PackedSignature;
 
 class GlobalSignature : public Signature {
  public:
@@ -26,37 +30,59 @@ class GlobalSignature : public Signature {
   /// The cosine similarity to `other` turned by each step, -1 to 1, that of the view that is the most alike.
   /// At s, what is in column (or view) i of this is in column i + s of `other`.
   std::vector<float> similarities(const GlobalSignature& other) const;
-  std::vector<Turn> bestTurns(const GlobalSignature& other, std::size_t count) const {
+  std::vector<float> similarities(const PackedSignature& other) const;
+  template <class Other>
+  std::vector<Turn> bestTurns(const Other& other, std::size_t count) const {
     return intensity_place_recognition::bestTurns(similarities(other), count);
   }
 
   /// Of length 1, the same however the sensor is turned: the magnitudes of the lowest frequencies of
   /// neighbouring rows.
   const std::vector<float>& key() const { return key_; }
-  bool isLike(const GlobalSignature& other) const {
+  /// As files of version 1 have it.
+  /// @throws std::runtime_error where it isn't sound
+  void readComplex(mapping_common::ArchiveReader& in);
+
+ private:
+  friend class PackedSignature;
+  int half() const { return columns_ / 2 + 1; }
+  void addView(const cv::Mat1f& description);
+  template <class Other>
+  std::vector<float> compared(const Other& other, float step) const;
+  int views_ = 0, rows_ = 0, columns_ = 0;
+  std::vector<float> spectrum_;  // views x rows x (real, imaginary) x half(), of descriptions of length 1
+  std::vector<float> key_;
+};
+
+/// A description as places keep it, in a quarter of the memory.
+class PackedSignature {
+ public:
+  PackedSignature() = default;
+  explicit PackedSignature(const GlobalSignature& signature);
+  /// Without its key.
+  GlobalSignature unpacked() const;
+  bool isLike(const PackedSignature& other) const {
     return views_ == other.views_ && rows_ == other.rows_ && columns_ == other.columns_;
   }
   /// What was read from a file may not be.
   bool isSound() const;
+  /// That it takes in memory.
+  std::size_t bytes() const { return sizeof(*this) + spectrum_.capacity(); }
 
   template <class Archive>
   void transfer(Archive& archive) {
     archive(views_);
     archive(rows_);
     archive(columns_);
+    archive(step_);
     archive(spectrum_);
-    archive(key_);
   }
 
  private:
-  int half() const { return columns_ / 2 + 1; }
-  const std::complex<float>* view(int number) const {
-    return &spectrum_[static_cast<std::size_t>(number) * rows_ * half()];
-  }
-  void addView(const cv::Mat1f& description);
+  friend class GlobalSignature;
   int views_ = 0, rows_ = 0, columns_ = 0;
-  std::vector<std::complex<float>> spectrum_;  // views x rows x half(), of descriptions of length 1
-  std::vector<float> key_;
+  float step_ = 0.0f;  // that its values are multiples of
+  std::vector<std::int8_t> spectrum_;
 };
 
 /// Places that are looked up by the neighbourhood of their keys, and compared at all turns.
@@ -76,7 +102,8 @@ class GlobalDescription : public SceneDescription {
  private:
   /// Of one view or several, see GlobalSignature.
   virtual std::vector<cv::Mat1f> matrices(const Scene& scene) const = 0;
-  std::deque<GlobalSignature> places_;
+  void add(PackedSignature place, std::vector<float> key);
+  std::deque<PackedSignature> places_;
   PlaceIndex index_;
 };
 

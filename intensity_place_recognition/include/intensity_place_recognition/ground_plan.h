@@ -4,6 +4,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
@@ -22,9 +23,11 @@ class WallDirections {
   double bestYaw(const WallDirections& place, double likely, double reach) const;
 
  private:
-  static constexpr int kSteps = 180;      // of a whole turn
-  std::array<float, 2 * kSteps> part_{};  // twice around
+  static constexpr int kSteps = 180;         // of a whole turn
+  std::array<std::uint8_t, kSteps> part_{};  // of the most
 };
+
+class PackedPlan;
 
 /// A query's or a place's plan of 64 m x 64 m in cells of 1 m. Its spectrum makes the correlation at all
 /// shifts a product.
@@ -44,17 +47,31 @@ class GroundPlan {
   };
   /// The best shift of at most `reach` (m) along each axis that moves this one's content onto that of
   /// `place`, to 2 m by the low frequencies alone.
-  Shift roughShift(const GroundPlan& place, float reach) const;
+  Shift roughShift(const PackedPlan& place, float reach) const;
   /// To a part of a metre the shifts that are the best around them, the best first.
-  std::vector<Shift> bestShifts(const GroundPlan& place, float reach, std::size_t count) const;
+  std::vector<Shift> bestShifts(const PackedPlan& place, float reach, std::size_t count) const;
 
  private:
+  friend class PackedPlan;
   /// Of (2 shifts + 1) x (2 shifts + 1) shifts. @param step cells, 1 or 2 @param roughly by the lower half of
   ///   the frequencies
-  std::vector<float> correlations(const GroundPlan& place, int step, int shifts, bool roughly) const;
+  std::vector<float> correlations(const PackedPlan& place, int step, int shifts, bool roughly) const;
 
   std::vector<std::int16_t> spectrum_;
   float step_ = 0.0f;  // that its values are multiples of
+};
+
+/// A plan as places keep it, in 17 kB.
+class PackedPlan {
+ public:
+  PackedPlan(const GroundPlan& plan);
+  /// That it takes in memory.
+  std::size_t bytes() const;
+
+ private:
+  friend class GroundPlan;
+  std::vector<std::int8_t> spectrum_;
+  std::vector<float> steps_;  // that its values are multiples of, of each frequency along y
 };
 
 }  // namespace intensity_place_recognition

@@ -10,7 +10,9 @@
 
 #include <Eigen/Geometry>
 #include <cmath>
+#include <cstddef>
 #include <opencv2/core.hpp>
+#include <vector>
 
 namespace intensity_place_recognition {
 
@@ -71,8 +73,11 @@ class PanoramaBuilder {
 
  private:
   PanoramaOptions options_;
-  cv::Mat1f intensity_, range_;
-  cv::Mat1i count_;
+  struct Pixel {
+    float intensity = 0.0f, range = 0.0f;  // means
+    int count = 0;
+  };
+  std::vector<Pixel> pixels_;  // row by row
   std::size_t points_ = 0;
 };
 

@@ -34,9 +34,9 @@ class PatchField {
   const Patch* nearest(const Eigen::Vector3f& point) const {
     const Eigen::Vector3f at = (point - origin_) / kCell;
     if (!((at.array() >= 0.0f).all() && (at.array() < size_.cast<float>().array()).all())) return nullptr;
-    const std::int32_t found =
+    const std::uint16_t found =
         index_[grid_.slot(static_cast<int>(at.x()), static_cast<int>(at.y()), static_cast<int>(at.z()))];
-    return found < 0 ? nullptr : &shape_->patches()[found];
+    return found == kNone ? nullptr : &shape_->patches()[found];
   }
 
   static constexpr float kCell = 0.5f, kReach = 1.3f;  // m
@@ -46,7 +46,8 @@ class PatchField {
   Eigen::Vector3f origin_ = Eigen::Vector3f::Zero();
   Eigen::Vector3i size_ = Eigen::Vector3i::Zero();
   BlockGrid grid_;
-  std::vector<std::int32_t> index_;  // of the patch, -1: none
+  static constexpr std::uint16_t kNone = 0xffff;
+  std::vector<std::uint16_t> index_;  // of the patch
 };
 
 }  // namespace intensity_place_recognition

@@ -73,7 +73,7 @@ class PlaceRecognizer {
       const Cloud& cloud, const std::function<void(Stage)>& done = [](Stage) {}) const;
   void add(Place place);
 
-  int places() const { return static_cast<int>(shapes_.size()); }
+  int places() const { return static_cast<int>(places_.size()); }
   /// How all are described, with the places.
   const SceneDescription& description() const { return *description_; }
   const PlaceRecognizerOptions& options() const { return options_; }
@@ -102,13 +102,14 @@ class PlaceRecognizer {
 
   PlaceRecognizerOptions options_;
   std::unique_ptr<SceneDescription> description_;
-  std::vector<Shape> shapes_;  // of the places
-  struct Plans {
-    explicit Plans(const Shape& shape);
+  /// What is kept of a place beside its description. All is of the packed shape, which files have.
+  struct Kept {
+    Kept(PackedShape packed, const Shape& unpacked);
+    PackedShape shape;
     WallDirections walls;
-    GroundPlan plan;
+    PackedPlan plan;
   };
-  std::vector<Plans> plans_;  // of them
+  std::vector<Kept> places_;
 };
 
 }  // namespace intensity_place_recognition
