@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 #include <mapping_common/testing/nodelet_test.h>
 #include <mapping_common/testing/recordings.h>
+#include <mapping_common/testing/slowness.h>
 #include <mapping_common/testing/temp_dir.h>
 #include <nodelet/loader.h>
 #include <ros/callback_queue.h>
@@ -118,7 +119,10 @@ class LiveRoundTrip : public testing::Test {
     comparison.finish(last + 10 * period);
     EXPECT_EQ(0u, comparison.wrong);
     EXPECT_EQ(0u, comparison.invented);
-    EXPECT_EQ(0u, comparison.lost);
+    // A driver that sanitizers slow down can't take each scan that a device sends.
+    if (mapping_common::kSlowness == 1.0) {
+      EXPECT_EQ(0u, comparison.lost);
+    }
     std::vector<double> errors = comparison.stamp_errors;
     for (double& e : errors) e = std::abs(e);
     std::sort(errors.begin(), errors.end());
@@ -160,7 +164,9 @@ class LiveRoundTrip : public testing::Test {
     emulator.stop();
     EXPECT_EQ(0, emulator.status());
     compare(dir_.path("truth.csv"), 25 * kMillisecond, expectedHokuyo);
-    EXPECT_NEAR(40.0, rate_, 2.0);
+    if (mapping_common::kSlowness == 1.0) {
+      EXPECT_NEAR(40.0, rate_, 2.0);
+    }
     for (const auto& scan : scans_) ASSERT_EQ(1081u, scan->ranges.size());
   }
 

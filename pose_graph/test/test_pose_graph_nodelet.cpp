@@ -320,8 +320,10 @@ TEST_F(PoseGraphNodeletTest, SessionsGoOn) {
   drive(0, 35);
   loops_.publish(loop(2, 32));
   EXPECT_TRUE(waitFor([&] { return count("accepted") == 1; }));
+  const auto scans = [&] { return Session(dir.path("session.db")).amounts()[DataKind::kScan].count; };
+  EXPECT_TRUE(waitFor([&] { return scans() == 36; })) << scans();
   unload();
-  EXPECT_EQ(36u, Session(dir.path("session.db")).amounts()[DataKind::kScan].count);
+  EXPECT_EQ(36u, scans());
   ASSERT_TRUE(load());
   EXPECT_TRUE(waitFor([&] { return length() == 36; }));
   expectDiagnostic("Graph", "Loops: accepted", "1");

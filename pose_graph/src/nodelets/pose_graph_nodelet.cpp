@@ -94,6 +94,7 @@ class PoseGraphNodelet : public mapping_common::Nodelet {
   void frontEndPose(const ros::Time& stamp, const Pose& pose);
   void jumpedBack();
 
+  void keep();
   void tick();
   void optimise();
   bool tryToMatch(const Waiting& waiting, std::string& why);
@@ -153,7 +154,7 @@ PoseGraphNodelet::~PoseGraphNodelet() {
   maps_.reset();
   try {
     if (keeper_) {
-      keeper_->update(graph_);
+      keep();
       keeper_->writer().flush();
     }
   } catch (const std::exception& e) {
@@ -370,6 +371,12 @@ void PoseGraphNodelet::jumpedBack() {
 
 // ----------------------------------------------------------------------------------------- in the background
 
+// What is new goes to the session.
+void PoseGraphNodelet::keep() {
+  keeper_->update(graph_);
+  for (KeyData& data : sensors_.take(graph_)) keeper_->writer().put(std::move(data));
+}
+
 void PoseGraphNodelet::tick() {
   optimiser_->finish();
   if (parameters_.front_end_pose == FrontEndPose::kTf) {
@@ -397,9 +404,8 @@ void PoseGraphNodelet::tick() {
     }
     i = done ? waiting_.erase(i) : std::next(i);
   }
-  keeper_->update(graph_);
+  keep();
   ++ticks_;
-  for (KeyData& data : sensors_.take(graph_)) keeper_->writer().put(std::move(data));
   sayEvents();
   optimise();
   const std::string made = maps_->update(graph_, keeper_);
