@@ -27,7 +27,10 @@ sed -e 's/Scale: 60/Scale: 27/' -e 's/^      X: 0/      X: 11/' -e 's/^      Y: 
   -e '/Name: 3D map/{n;s/true/false/}' mapping_bringup/config/robot.rviz >"$here/robot.rviz"
 rosrun rviz rviz -d "$here/robot.rviz" >"$here/rviz.log" 2>&1 &
 background+=("$!")
-rosrun mapping_simulation play_live "$here/drive.bag" --wait-for camera/image_rect scan:=simulated_scan | tee "$here/play.log"
+rosrun mapping_simulation play_live "$here/drive.bag" --wait-for camera/image_rect --stand-still scan:=simulated_scan >"$here/play.log" 2>&1 &
+play=$!
+background+=("$play")
+(log=$here/play.log; until_logged 'stands still' "$play"; logged 'stands still') || fail "the drive ended early, see $here/play.log"
 still_picture "$here/rviz.png"
 stop "$robot"
 logged 'process has died' && { grep -a 'process has died' "$log" >&2; fail "a process died, see $log"; }
