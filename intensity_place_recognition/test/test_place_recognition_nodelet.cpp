@@ -100,6 +100,26 @@ TEST_F(PlaceRecognitionNodeletTest, PublishesPlacesAndKeepsThemInFiles) {
   EXPECT_EQ(1u, places_.messages[1].from_id);
 }
 
+// A robot that stands for hours needs no more memory.
+TEST_F(PlaceRecognitionNodeletTest, KeepsAPlaceOnce) {
+  start();
+  publish(message(1, Street::at(0.0, 0.0, 0.0), 100.0), "1");
+  publish(message(2, Street::at(0.0, 0.0, 0.0), 110.0), "2");
+  for (unsigned i = 0; i < 4; ++i) {
+    clouds_.publish(message(1, Street::at(0.3, 0.2 * i, 1.5 * i), 120.0 + 10.0 * i));
+    ASSERT_TRUE(mapping_common::waitFor([&] { return places_.messages.size() > i; }));
+    EXPECT_EQ(100.0, places_.messages[i].from_stamp.toSec());
+    EXPECT_EQ(0u, places_.messages[i].from_id);
+    EXPECT_EQ(2u + i, places_.messages[i].to_id);
+  }
+  expectDiagnostic("Places", "Places", "2");
+  publish(message(3, Street::at(0.0, 0.0, 0.0), 160.0), "3");
+  publish(message(2, Street::at(1.5, 0.0, 0.0), 170.0), "4");
+  ASSERT_TRUE(mapping_common::waitFor([&] { return places_.messages.size() == 5; }));
+  EXPECT_EQ(1u, places_.messages[4].from_id);
+  EXPECT_EQ(7u, places_.messages[4].to_id);
+}
+
 TEST_F(PlaceRecognitionNodeletTest, DropsCloudsThatWontDo) {
   start();
   sensor_msgs::PointCloud2 cloud = message(1, Street::at(0.0, 0.0, 0.0), 100.0);

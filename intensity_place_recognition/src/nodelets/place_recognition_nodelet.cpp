@@ -53,7 +53,7 @@ class PlaceRecognitionNodelet : public mapping_common::Nodelet {
   void start(mapping_common::Parameters& reader) override;
   void subscribeImages();
   void arrived(const std_msgs::Header& header, const std::function<Cloud()>& points);
-  void publish(const Recognition& recognition, const std_msgs::Header& header);
+  void publish(const Recognition& recognition, std::uint32_t query, const std_msgs::Header& header);
   std::string load(const std::string& path);
   void reset();
   void report() override;
@@ -62,9 +62,14 @@ class PlaceRecognitionNodelet : public mapping_common::Nodelet {
 
   PlaceRecognitionParameters parameters_;
   std::unique_ptr<PlaceRecognizer> recognizer_;
-  std::vector<ros::Time> stamps_;  // of each place; zero of those that a file brought
+  struct Origin {
+    std::uint32_t cloud = 0;  // its number
+    ros::Time stamp;          // zero: a file brought it
+  };
+  std::vector<Origin> origins_;  // of each place
+  std::uint32_t scans_ = 0;      // places of a file count as one each
   ros::Time last_;
-  std::map<int, cv::Mat1b> pictures_;  // of the last places, while somebody listens
+  std::map<std::uint32_t, cv::Mat1b> pictures_;  // of the last clouds, while somebody listens
 
   std::unique_ptr<Arrivals> arrivals_;
   ros::Subscriber clouds_, intensity_subscriber_, range_subscriber_;
@@ -98,6 +103,7 @@ void PlaceRecognitionNodelet::start(mapping_common::Parameters& reader) {
   allowReconfiguration<PlaceRecognitionParameters>(parameters_,
                                                    [this](const PlaceRecognitionParameters& changed) {
                                                      parameters_.min_interval = changed.min_interval;
+                                                     parameters_.same_place = changed.same_place;
                                                      recognizer_->setThresholds(changed.recognizer);
                                                    });
   Arrivals::Options options;
@@ -165,48 +171,59 @@ void PlaceRecognitionNodelet::arrived(const std_msgs::Header& header, const std:
   const Cloud cloud = points();
   const ros::WallTime start = ros::WallTime::now();
   ros::WallTime last = start;
-  const Recognition result = recognizer_->process(cloud, [&](Stage stage) {
+  const auto done = [&](Stage stage) {
     const ros::WallTime now = ros::WallTime::now();
     activity_.seconds[static_cast<std::size_t>(stage)] += (now - last).toSec();
     last = now;
-  });
+  };
+  Place place = recognizer_->describe(cloud, done);
+  const Recognition result = recognizer_->recognize(place, recognizer_->places(), done);
   last_ = stamp;
   ++activity_.scans;
   activity_.longest = std::max(activity_.longest, (last - start).toSec());
-  stamps_.push_back(stamp);
+  const std::uint32_t number = scans_++;
+  if (!result.registration.accepted ||
+      !(result.registration.pose.translation().norm() < parameters_.same_place)) {
+    recognizer_->add(std::move(place));
+    origins_.push_back({number, stamp});
+  }
   if (parameters_.debug_image && debug_images_.getNumSubscribers() > 0) {
     const PlaceRecognizerOptions& options = recognizer_->options();
-    pictures_[result.query] = toPicture(toPanorama(cloud, options.panorama, options.largest_hole));
+    pictures_[number] = toPicture(toPanorama(cloud, options.panorama, options.largest_hole));
     if (pictures_.size() > kMostPictures) pictures_.erase(pictures_.begin());
   }
-  if (result.registration.accepted) publish(result, header);
-  for (const Recognition& other : result.others) publish(other, header);
+  if (result.registration.accepted) publish(result, number, header);
+  for (const Recognition& other : result.others) publish(other, number, header);
 }
 
-void PlaceRecognitionNodelet::publish(const Recognition& recognition, const std_msgs::Header& header) {
+void PlaceRecognitionNodelet::publish(const Recognition& recognition, std::uint32_t query,
+                                      const std_msgs::Header& header) {
   ++accepted_;
-  const ros::Time from = stamps_.at(recognition.match);
+  const Origin& from = origins_.at(recognition.match);
   std::ostringstream text;
-  text << "cloud " << recognition.query << " shows the place of ";
-  if (from.isZero())
-    text << "place " << recognition.match << " of the file";
+  text << "cloud " << query << " shows the place of ";
+  if (from.stamp.isZero())
+    text << "place " << from.cloud << " of the file";
   else
-    text << "cloud " << recognition.match << " (" << from << " s)";
+    text << "cloud " << from.cloud << " (" << from.stamp << " s)";
   text << ", score " << std::setprecision(2) << recognition.registration.score;
   NODELET_INFO_STREAM("Place " << accepted_ << ": " << text.str());
-  places_.publish(toEdge(recognition, header, from));
-  if (pictures_.count(recognition.query) == 0 || pictures_.count(recognition.match) == 0) return;
+  mapping_msgs::EdgeConstraint edge = toEdge(recognition, header, from.stamp);
+  edge.from_id = from.cloud;
+  edge.to_id = query;
+  places_.publish(edge);
+  if (pictures_.count(query) == 0 || pictures_.count(from.cloud) == 0) return;
   const Eigen::Matrix3d rotation = recognition.registration.pose.rotation();
-  debug_images_.publish(
-      cv_bridge::CvImage(header, "bgr8",
-                         drawPlaces(pictures_[recognition.query], pictures_[recognition.match],
-                                    std::atan2(rotation(1, 0), rotation(0, 0)), text.str()))
-          .toImageMsg());
+  debug_images_.publish(cv_bridge::CvImage(header, "bgr8",
+                                           drawPlaces(pictures_[query], pictures_[from.cloud],
+                                                      std::atan2(rotation(1, 0), rotation(0, 0)), text.str()))
+                            .toImageMsg());
 }
 
 std::string PlaceRecognitionNodelet::load(const std::string& path) {
   recognizer_->load(path);
-  stamps_.assign(recognizer_->places(), ros::Time());
+  origins_.resize(recognizer_->places());
+  for (scans_ = 0; scans_ < origins_.size(); ++scans_) origins_[scans_] = {scans_, ros::Time()};
   pictures_.clear();
   last_ = ros::Time();
   return "Read " + std::to_string(recognizer_->places()) + " places from " + path;
@@ -214,7 +231,8 @@ std::string PlaceRecognitionNodelet::load(const std::string& path) {
 
 void PlaceRecognitionNodelet::reset() {
   recognizer_ = std::make_unique<PlaceRecognizer>(recognizer_->options());
-  stamps_.clear();
+  origins_.clear();
+  scans_ = 0;
   pictures_.clear();
   last_ = ros::Time();
 }

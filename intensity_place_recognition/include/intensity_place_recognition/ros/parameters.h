@@ -21,7 +21,7 @@ struct PlaceRecognitionParameters {
   double range_unit = 0.001;
   std::string intensity_field = "intensity";
   int queue_size = 2;
-  double min_interval = 1.0;
+  double min_interval = 1.0, same_place = 1.0;
   std::string database_file, save_on_shutdown;
   bool debug_image = true;
   PlaceRecognizerOptions recognizer;
@@ -41,6 +41,12 @@ struct PlaceRecognitionParameters {
         .within(1, 1000);
     o("min_interval", min_interval, "s", "since the last scan that was used, by their stamps")
         .within(0.0, 1e6)
+        .dynamic();
+    o("same_place", same_place, "m",
+      "a scan that is recognised within that of a place isn't kept as another one, so that a robot that "
+      "stands, "
+      "or drives known ways, takes no more memory. 0: all are kept")
+        .within(0.0, 1e3)
         .dynamic();
     o("database_file", database_file, "",
       "path of a database of places to start with; how it describes scans replaces what is set below");
