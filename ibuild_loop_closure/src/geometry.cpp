@@ -11,6 +11,9 @@ namespace ibuild_loop_closure {
 namespace {
 
 constexpr std::size_t kLayoutPoints = 2, kEpipolarPoints = 8, kPosePoints = 4;
+// By which placements that are alike differ at most: rad, logarithm of the scale, widths of the image. Where
+// they are known, descriptors may differ by so much more.
+constexpr double kLikeRotation = 0.25, kLikeScale = 0.35, kLikeShift = 0.2, kLikeDelta = 1.15;
 
 struct PointPairs {
   std::vector<cv::Point2f> query, match;
@@ -33,6 +36,25 @@ struct Layout {
   }
   double scale() const { return std::hypot(rotation.x, rotation.y); }
 };
+
+Placement placementOf(const Layout& layout, cv::Size query, cv::Size match) {
+  const cv::Point2f middle = layout({0.5f * query.width, 0.5f * query.height});
+  return {layout.scale(),
+          std::atan2(layout.rotation.y, layout.rotation.x),
+          {middle.x / match.width - 0.5, (middle.y - 0.5 * match.height) / match.width}};
+}
+
+bool alike(const Placement& a, const Placement& b) {
+  return std::abs(std::remainder(a.rotation - b.rotation, 2.0 * CV_PI)) < kLikeRotation &&
+         std::abs(std::log(a.scale / b.scale)) < kLikeScale && cv::norm(a.shift - b.shift) < kLikeShift;
+}
+
+// Share of the layouts made by chance that are like a given one, by their rotation, scale and shift.
+double shareOfAlike(cv::Size match, double max_scale) {
+  const double scales = std::min(1.0, kLikeScale / std::log(std::max(max_scale, 1.0 + 1e-9)));
+  const double shifts = std::min(1.0, CV_PI * kLikeShift * kLikeShift * match.width / match.height);
+  return kLikeRotation / CV_PI * scales * shifts;
+}
 
 std::optional<Layout> layoutOf(const PointPairs& p, std::size_t i, std::size_t j, float min_distance,
                                double max_scale) {
@@ -97,17 +119,19 @@ struct FoundLayout {
 
 // The layout that most pairs fit, and its least squares.
 FoundLayout findLayout(const PointPairs& points, cv::Size query, cv::Size match,
-                       const GeometryOptions& options) {
+                       const GeometryOptions& options, const std::optional<Placement>& like = {}) {
   const std::size_t count = points.query.size();
   const auto tolerance = static_cast<float>(options.layout_tolerance * match.width);
   FoundLayout found;
   if (count <= kLayoutPoints) return found;
   std::vector<std::size_t> fitting;
   std::mt19937 random(1);  // the same images always give the same result
-  for (int i = 0; i < options.iterations; ++i) {
+  // Those that are not like the given one cost next to nothing.
+  const int iterations = like ? 10 * options.iterations : options.iterations;
+  for (int i = 0; i < iterations; ++i) {
     const std::size_t a = random() % count, b = random() % count;
     const auto layout = layoutOf(points, a, b, tolerance, options.max_scale);
-    if (!layout) continue;
+    if (!layout || (like && !alike(placementOf(*layout, query, match), *like))) continue;
     fitting.clear();
     for (std::size_t k = 0; k < count; ++k) {
       const cv::Point2f error = (*layout)(points.query[k]) - points.match[k];
@@ -123,6 +147,7 @@ FoundLayout findLayout(const PointPairs& points, cv::Size query, cv::Size match,
   found.significance =
       significanceOf(static_cast<int>(count), distinct(spots, static_cast<float>(options.spot * query.width)),
                      std::min(0.5, CV_PI * tolerance * tolerance / match.area()));
+  if (like) found.significance -= std::log10(shareOfAlike(match, options.max_scale));
   return found;
 }
 
@@ -215,18 +240,21 @@ std::optional<RelativePose> relativePose(const View& query, const View& match, c
 
 }  // namespace
 
-GeometryResult checkLayout(const View& query, const View& match, const GeometryOptions& options) {
+GeometryResult checkLayout(const View& query, const View& match, const GeometryOptions& options,
+                           const std::optional<Placement>& like) {
   GeometryResult result;
+  const int delta = like ? cvRound(kLikeDelta * options.delta) : options.delta;
   const std::vector<Match> pairs =
-      matchDescriptors(query.features.descriptors, match.features.descriptors, options.delta, options.ratio);
+      matchDescriptors(query.features.descriptors, match.features.descriptors, delta, options.ratio);
   result.matches = static_cast<int>(pairs.size());
   const FoundLayout found =
-      findLayout(pointsOf(query.features, match.features, pairs), query.size, match.size, options);
+      findLayout(pointsOf(query.features, match.features, pairs), query.size, match.size, options, like);
   for (std::size_t k : found.inliers) result.pairs.push_back(pairs[k]);
   if (found.inliers.empty()) return result;
-  result.scale = found.layout.scale();
+  result.placement = placementOf(found.layout, query.size, match.size);
   const double overlap = overlapOf(found.layout, query.size, match.size);
-  const double of_match = overlap * result.scale * result.scale * query.size.area() / match.size.area();
+  const double scale = result.placement.scale;
+  const double of_match = overlap * scale * scale * query.size.area() / match.size.area();
   result.overlap = std::min(overlap, of_match);
   if (result.overlap >= options.min_overlap) result.significance = found.significance;
   return result;

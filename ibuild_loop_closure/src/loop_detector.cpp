@@ -174,7 +174,10 @@ Detection LoopDetector::process(const Frame& frame, const StageDone& done) {
     view.depths = frame.right && frame.camera ? depthsByStereo(frame.image, *frame.right, *frame.camera,
                                                                view.features.points, options_.stereo)
                                               : depthsAt(frame.depth, view.features.points);
-    decideByGeometry(view, frame.camera, endOfCandidates(view, end), detection);
+    const int candidates_end = endOfCandidates(view, end);
+    decideByGeometry(view, frame.camera, candidates_end, detection);
+    past_.push_back({candidates_end, detection.accepted});
+    for (const Loop& loop : detection.earlier) past_[loop.query].accepted = true;
   }
   finish(Stage::kGeometry);
 
@@ -214,20 +217,20 @@ int LoopDetector::endOfCandidates(const View& view, int end) {
   return std::min(in_view_, straight_run_.start());
 }
 
-// Whether the camera has lost sight of an image since then, for beta / 2 images at least. Common words tell
-// where that is most likely, and the layout whether it is so.
-bool LoopDetector::hasLeft(int image, double significance) const {
+// Whether the camera has lost sight of an image since then, until another one, for beta / 2 images at least.
+// Common words tell where that is most likely, and the layout whether it is so.
+bool LoopDetector::hasLeft(int image, int until, double significance) const {
   const int window = std::max(1, options_.beta / 2);
   constexpr int kWindows = 64;
-  const int step = std::max(window, (images() - image) / kWindows);
+  const int step = std::max(window, (until - image) / kWindows);
   const std::vector<int>& words = vocabulary_.wordsOf(image);
   std::size_t least = std::numeric_limits<std::size_t>::max();
   int closest_of_least = -1, least_from_middle = std::numeric_limits<int>::max();
-  for (int first = image + 1; first < images(); first += step) {
+  for (int first = image + 1; first < until; first += step) {
     const auto last = static_cast<int>(
         std::lower_bound(clock_.begin(), clock_.end(), clock_[first] + window - 1 - kRounding) -
         clock_.begin());
-    if (last >= images()) break;
+    if (last >= until) break;
     std::size_t most = 0;
     int closest = first;
     for (int i = first; i <= last; i += 1 + (last - first) / window) {
@@ -237,7 +240,7 @@ bool LoopDetector::hasLeft(int image, double significance) const {
       closest = i;
     }
     // Of those with as few words the one that is farthest from both images.
-    const int from_middle = std::abs(2 * first - image - images());
+    const int from_middle = std::abs(2 * first - image - until);
     if (std::tie(most, from_middle) >= std::tie(least, least_from_middle)) continue;
     least = most;
     least_from_middle = from_middle;
@@ -300,16 +303,17 @@ std::vector<int> LoopDetector::candidatesOf(const std::vector<double>& similarit
 
 void LoopDetector::decideByGeometry(const View& view, const std::optional<Camera>& camera, int end,
                                     Detection& detection) {
-  struct Checked {
-    int image;
-    GeometryResult result;
-  };
   std::vector<Checked> checked;
   for (int candidate : candidatesOf(detection.similarities, end)) {
     GeometryResult result = checkLayout(view, views_[candidate], options_.geometry);
-    if (result.significance >= options_.tracks.min_significance &&
-        (!options_.leave_first || hasLeft(candidate, result.significance)))
-      checked.push_back({candidate, std::move(result)});
+    if (isLikely(candidate, detection.image, result)) checked.push_back({candidate, std::move(result)});
+  }
+  // Where a trusted track would end.
+  const auto link = tracks_.lastVerified(detection.image);
+  if (link && link->query >= first_ && std::none_of(checked.begin(), checked.end(), [&](const Checked& c) {
+        return tracks_.goesOn(detection.image, c.image);
+      })) {
+    for (Checked& like : checkLike(*link, detection.image, view, end)) checked.push_back(std::move(like));
   }
   std::stable_sort(checked.begin(), checked.end(), [](const Checked& a, const Checked& b) {
     return a.result.significance > b.result.significance;
@@ -319,8 +323,7 @@ void LoopDetector::decideByGeometry(const View& view, const std::optional<Camera
     GeometryResult& result = checked[i].result;
     if (i < static_cast<std::size_t>(options_.verified_candidates))
       verify(view, views_[checked[i].image], camera, options_.geometry, result);
-    hypotheses.push_back(
-        {checked[i].image, result.significance, result.verified, std::min(result.scale, 1.0 / result.scale)});
+    hypotheses.push_back(hypothesisOf(checked[i]));
   }
   const LoopTracks::Decision decision = tracks_.decide(detection.image, hypotheses);
   if (decision.hypothesis < 0) return;
@@ -331,6 +334,76 @@ void LoopDetector::decideByGeometry(const View& view, const std::optional<Camera
   best.geometry = std::move(checked[decision.hypothesis].result);
   detection.best = std::move(best);
   detection.accepted = decision.accepted;
+  if (decision.look_back) detection.earlier = lookBack(*decision.look_back, camera);
+}
+
+bool LoopDetector::isLikely(int candidate, int image, const GeometryResult& result) const {
+  return result.significance >= options_.tracks.min_significance &&
+         (!options_.leave_first || hasLeft(candidate, image, result.significance));
+}
+
+LoopTracks::Hypothesis LoopDetector::hypothesisOf(const Checked& checked) {
+  const GeometryResult& result = checked.result;
+  return {checked.image, result.significance, result.verified,
+          std::min(result.placement.scale, 1.0 / result.placement.scale), result.placement};
+}
+
+// Likely candidates of an image before or after a track's loop: about as far on, their layouts like that
+// loop's.
+std::vector<LoopDetector::Checked> LoopDetector::checkLike(const LoopTracks::Link& link, int image,
+                                                           const View& view, int end) const {
+  std::vector<Checked> likely;
+  const int middle = link.match + image - link.query;
+  for (int candidate = std::max(0, middle - options_.tracks.backward);
+       candidate <= std::min(end - 1, middle + options_.tracks.backward); ++candidate) {
+    GeometryResult result = checkLayout(view, views_[candidate], options_.geometry, link.placement);
+    if (isLikely(candidate, image, result) &&
+        standsOut(candidate, image, view, link.placement, result.significance))
+      likely.push_back({candidate, std::move(result)});
+  }
+  return likely;
+}
+
+// Whether images of other places don't have a layout like that, too, as in corridors, all of which vanish in
+// the middle.
+bool LoopDetector::standsOut(int candidate, int image, const View& view, const Placement& like,
+                             double significance) const {
+  constexpr int kOthers = 8;
+  for (int i = 1; i <= kOthers; ++i) {
+    const int other = candidate + i * (image - candidate) / (kOthers + 1);
+    if (std::min(other - candidate, image - other) <= options_.beta / 2) continue;
+    if (checkLayout(view, views_[other], options_.geometry, like).significance >=
+        options_.max_remaining * significance)
+      return false;
+  }
+  return true;
+}
+
+// The loops before the one that opened a track: as the track would have gone on backwards from it.
+std::vector<Loop> LoopDetector::lookBack(LoopTracks::Link link, const std::optional<Camera>& camera) const {
+  std::vector<Loop> loops;
+  const int opened = link.query, last = std::max(first_, opened - options_.tracks.look_back);
+  for (int image = opened - 1; image >= last && !past_[image].accepted &&
+                               tracks_.left(link, image) >= options_.tracks.min_significance;
+       --image) {
+    std::vector<Checked> likely = checkLike(link, image, views_[image], past_[image].end);
+    const auto weight = [&](const Checked& c) { return tracks_.weightOf(hypothesisOf(c), image, link); };
+    const auto best = std::max_element(likely.begin(), likely.end(), [&](const Checked& a, const Checked& b) {
+      return weight(a) < weight(b);
+    });
+    if (best == likely.end()) continue;
+    verify(views_[image], views_[best->image], camera, options_.geometry, best->result);
+    link = {image, best->image, tracks_.left(link, image), best->result.placement};
+    loops.push_back({image, best->image, link.evidence / (link.evidence + options_.tracks.open_significance),
+                     std::move(best->result)});
+  }
+  std::reverse(loops.begin(), loops.end());
+  return loops;
+}
+
+void LoopDetector::breakSequence() {
+  last_ = {};
+  first_ = images();
 }
 
 void LoopDetector::save(const std::string& path) const {
@@ -352,6 +425,8 @@ void LoopDetector::load(const std::string& path) {
     loaded.vocabulary_ = Vocabulary::restore(std::move(file.content));
     if (options.geometric_check) loaded.views_ = std::move(file.views);
     loaded.straight_run_ = StraightRun(loaded.images());
+    loaded.past_.resize(loaded.images());
+    loaded.first_ = loaded.images();
     loaded.clock_.resize(loaded.images());
     std::iota(loaded.clock_.begin(), loaded.clock_.end(), 0.0);
     *this = std::move(loaded);

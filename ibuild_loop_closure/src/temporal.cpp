@@ -20,8 +20,14 @@ void TemporalConsistency::accept(int query, int match) {
   recent_.push_back({query, match});
 }
 
-double LoopTracks::left(const Track& track, int query) const {
-  return track.evidence * std::pow(options_.memory, query - track.query);
+double LoopTracks::left(const Link& link, int query) const {
+  return link.evidence * std::pow(options_.memory, std::abs(query - link.query));
+}
+
+double LoopTracks::weightOf(const Hypothesis& hypothesis, int query, const Link& link) const {
+  // Both walks are most likely as fast.
+  const int deviation = std::abs((hypothesis.match - link.match) - (query - link.query));
+  return hypothesis.closeness * hypothesis.significance * beta_ / (beta_ + deviation) + left(link, query);
 }
 
 const LoopTracks::Track* LoopTracks::trackOf(int query, int match) const {
@@ -43,22 +49,28 @@ LoopTracks::Decision LoopTracks::decide(int query, const std::vector<Hypothesis>
     const Hypothesis& h = hypotheses[i];
     if (h.significance < options_.min_significance) continue;
     const Track* before = trackOf(query, h.match);
-    Track track{query, h.match, h.verified ? 1 : 0, h.verified ? h.significance : 0.0, false};
-    double weight = h.closeness * h.significance;
+    Track track{{query, h.match, h.verified ? h.significance : 0.0, h.placement}, h.verified ? 1 : 0, false};
+    const double weight = before ? weightOf(h, query, *before) : h.closeness * h.significance;
+    const bool was_open = before && before->open;
     if (before) {
-      // Both walks are most likely as fast.
-      const int deviation = std::abs((h.match - before->match) - (query - before->query));
-      weight *= static_cast<double>(beta_) / (beta_ + deviation);
       track.verified_count += before->verified_count;
       track.evidence += left(*before, query);
-      track.open = before->open;
-      weight += left(*before, query);
+      track.trusted = before->trusted;
+      track.first = before->first;
     }
     track.open = track.verified_count >= options_.min_verified &&
-                 track.evidence >= (track.open ? options_.min_significance : options_.open_significance);
+                 track.evidence >= (was_open ? options_.min_significance : options_.open_significance);
+    if (!was_open) track.first = track;
+    const bool was_trusted = track.trusted;
+    track.trusted = track.open && (was_trusted || track.evidence >= options_.trust_significance);
     extended.push_back(track);
     if (weight > most) {
       most = weight;
+      decision.look_back.reset();
+      if (track.trusted && !was_trusted) {
+        decision.look_back = track.first;
+        decision.look_back->evidence = track.evidence;
+      }
       chosen = static_cast<int>(extended.size()) - 1;
       decision.hypothesis = static_cast<int>(i);
     }
@@ -72,6 +84,22 @@ LoopTracks::Decision LoopTracks::decide(int query, const std::vector<Hypothesis>
                 tracks_.end());
   tracks_.insert(tracks_.end(), extended.begin(), extended.end());
   return decision;
+}
+
+bool LoopTracks::goesOn(int query, int match) const {
+  const Track* track = trackOf(query, match);
+  return track && track->open;
+}
+
+std::optional<LoopTracks::Link> LoopTracks::lastVerified(int query) const {
+  constexpr double more = 1.0 + 1e-9;  // than what others have left of the same
+  std::optional<Link> last;
+  for (const Track& track : tracks_) {
+    if (track.trusted && query - track.query <= beta_ &&
+        (!last || left(track, query) > more * left(*last, query)))
+      last = track;
+  }
+  return last;
 }
 
 std::vector<int> LoopTracks::expected(int query) const {

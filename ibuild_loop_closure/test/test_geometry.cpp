@@ -57,7 +57,7 @@ TEST(Layout, OfTheSamePlaceIsSignificant) {
   const GeometryResult result = checkLayout(scene.query, scene.match, {});
   EXPECT_EQ(60, result.matches);
   EXPECT_GT(result.significance, 20.0);
-  EXPECT_NEAR(1.0, result.scale, 0.15);
+  EXPECT_NEAR(1.0, result.placement.scale, 0.15);
   EXPECT_GT(result.overlap, 0.7);
 }
 
@@ -68,6 +68,40 @@ TEST(Layout, OfPositionsAtRandomIsNot) {
     std::shuffle(scene.query.features.points.begin(), scene.query.features.points.end(), random);
     EXPECT_LT(checkLayout(scene.query, scene.match, {}).significance, 4.0) << seed;
   }
+}
+
+// Of 24 features 7 are where the layout has them.
+TEST(Layout, ThatIsLikeAnotherNeedsFewerFeatures) {
+  int insignificant = 0;
+  for (unsigned seed = 1; seed <= 20; ++seed) {
+    Scene scene = makeScene(smallMotion(), 24, 0.5, seed);
+    const Placement placement = checkLayout(scene.query, scene.match, {}).placement;
+    std::mt19937_64 random(seed);
+    std::shuffle(scene.query.features.points.begin() + 7, scene.query.features.points.end(), random);
+    insignificant += checkLayout(scene.query, scene.match, {}).significance < 4.0;
+    const GeometryResult like = checkLayout(scene.query, scene.match, {}, placement);
+    EXPECT_GE(like.significance, 4.0) << seed;
+    EXPECT_NEAR(placement.rotation, like.placement.rotation, 0.25) << seed;
+    Placement other = placement;
+    other.rotation += 1.0;
+    EXPECT_LT(checkLayout(scene.query, scene.match, {}, other).significance, 4.0) << seed;
+    std::shuffle(scene.query.features.points.begin(), scene.query.features.points.end(), random);
+    EXPECT_LT(checkLayout(scene.query, scene.match, {}, placement).significance, 4.0) << seed;
+  }
+  EXPECT_GT(insignificant, 5);
+}
+
+TEST(Layout, SaysWhereItPutsTheImage) {
+  Scene scene = makeScene(Eigen::Isometry3d::Identity(), 60, 0.0);
+  for (cv::Point2f& p : scene.query.features.points)  // half the size, turned by 90 degrees
+    p = cv::Point2f(320.0f + 0.5f * (p.y - 240.0f), 240.0f - 0.5f * (p.x - 320.0f) + 32.0f);
+  GeometryOptions options;
+  options.min_overlap = 0.0;
+  const Placement placement = checkLayout(scene.query, scene.match, options).placement;
+  EXPECT_NEAR(2.0, placement.scale, 1e-4);
+  EXPECT_NEAR(CV_PI / 2.0, placement.rotation, 1e-4);
+  EXPECT_NEAR(0.1, placement.shift.x, 1e-4);  // 2 * 32 of 640 pixels
+  EXPECT_NEAR(0.0, placement.shift.y, 1e-4);
 }
 
 // A camera that goes 10 % of the way to a wall and turns to the right.

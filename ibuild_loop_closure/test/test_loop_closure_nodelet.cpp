@@ -115,6 +115,8 @@ TEST_F(LoopClosure, PublishesLoops) {
     EXPECT_GT(edge.similarity, 0.0f);
     EXPECT_LE(edge.similarity, 1.0f);
   }
+  // That of the second walk's first image came once the next ones confirmed it.
+  EXPECT_EQ(static_cast<unsigned>(kWalk), edges_.messages[0].to_id);
   EXPECT_TRUE(waitFor([&] { return !debug.messages.empty(); }));
   EXPECT_EQ(640u, debug.messages[0].width);
   expectDiagnostic("Input", "Dropped: malformed", "0");

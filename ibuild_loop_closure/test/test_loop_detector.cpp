@@ -145,6 +145,69 @@ TEST(LoopDetector, ClosesLoopsOnlyWithWhatItHasLostSightOf) {
   EXPECT_GT(accepted, 10);
 }
 
+// Two images in a row open a track; the first of them has its loop then, too.
+TEST(LoopDetector, FindsTheBeginningOfATrackLater) {
+  for (const int look_back : {10, 0}) {
+    LoopDetectorOptions options;
+    options.tracks.look_back = look_back;
+    LoopDetector detector(options);
+    std::vector<int> loops(kWalk);  // of each image of the second walk
+    int late = 0;
+    for (int i = 0; i < 2 * kWalk; ++i) {
+      const Detection d = detector.process({renderWalk(i % kWalk, i < kWalk ? 0 : 4), {}, {}});
+      if (d.accepted) ++loops.at(d.best->query - kWalk);
+      for (const Loop& loop : d.earlier) {
+        EXPECT_LT(loop.query, i);
+        EXPECT_NEAR(loop.query - kWalk, loop.match, 4);
+        EXPECT_GT(loop.similarity, 0.0);
+        EXPECT_FALSE(loop.geometry.pairs.empty());
+        ++loops.at(loop.query - kWalk);
+        ++late;
+      }
+    }
+    EXPECT_LE(*std::max_element(loops.begin(), loops.end()), 1);  // each image's is accepted once
+    EXPECT_EQ(look_back > 0, late > 0);
+    EXPECT_EQ(look_back > 0 ? 1 : 0, loops[0]);
+  }
+}
+
+TEST(LoopDetector, DoesNotLookBackBeforeABreak) {
+  LoopDetector detector;
+  int late = 0;
+  for (int i = 0; i < 2 * kWalk; ++i) {
+    if (i == kWalk + 1) detector.breakSequence();
+    const Detection d = detector.process({renderWalk(i % kWalk, i < kWalk ? 0 : 4), {}, {}});
+    for (const Loop& loop : d.earlier) {
+      EXPECT_GT(loop.query, kWalk);
+      ++late;
+    }
+  }
+  EXPECT_GT(late, 0);
+}
+
+// Of each fourth image of the second walk a part only shows the place: less than a loop by itself needs,
+// enough for one that is like the loop before it.
+TEST(LoopDetector, GoesOnWhereAnImageShowsLittle) {
+  LoopDetector detector;
+  const double least = detector.options().tracks.min_significance;
+  int weak = 0;
+  for (int i = 0; i < 2 * kWalk; ++i) {
+    cv::Mat image = renderWalk(i % kWalk, i < kWalk ? 0 : 4);
+    if (i >= kWalk && i % 4 == 3) {
+      const cv::Rect shown(130, 20 + 4 * (i / 4), 60, 60);
+      const cv::Mat place = image(shown).clone();
+      image = renderPlace(500 + i);
+      place.copyTo(image(shown));
+    }
+    const Detection d = detector.process({image, {}, {}});
+    if (!d.accepted) continue;
+    EXPECT_NEAR(i - kWalk, d.best->match, 4);
+    const View &query = detector.view(i), &match = detector.view(d.best->match);
+    weak += checkLayout(query, match, detector.options().geometry).significance < least;
+  }
+  EXPECT_GE(weak, 2);
+}
+
 TEST(LoopDetector, DoesNotMindHowOftenAnImageComes) {
   constexpr int kTimes = 4;
   LoopDetector detector;

@@ -31,6 +31,7 @@ class Tracks : public ::testing::Test {
   Tracks() {
     options_.min_significance = 4.0;
     options_.open_significance = 40.0;
+    options_.trust_significance = 70.0;
     options_.min_verified = 2;
     options_.memory = 0.5;
     options_.backward = 2;
@@ -72,6 +73,34 @@ TEST_F(Tracks, EndWhenTheirEvidenceIsGone) {
   EXPECT_TRUE(tracks.decide(52, {{12, 6.0, false}}).accepted);   // 22.5 is left
   EXPECT_TRUE(tracks.decide(54, {{14, 6.0, false}}).accepted);   // 5.6
   EXPECT_FALSE(tracks.decide(55, {{15, 6.0, false}}).accepted);  // 2.8 of 4
+}
+
+TEST_F(Tracks, AreTrustedWithMoreAndSayWhereTheyOpened) {
+  LoopTracks tracks(options_, 10);
+  EXPECT_FALSE(tracks.decide(50, {{10, 30.0, true}}).look_back);
+  EXPECT_TRUE(tracks.decide(51, {{11, 30.0, true, 1.0, {1.5, 0.1, {}}}}).accepted);  // evidence 45
+  EXPECT_FALSE(tracks.lastVerified(52));
+  const auto trusted = tracks.decide(52, {{12, 50.0, true, 1.0, {1.2, 0.2, {}}}});  // 72.5
+  ASSERT_TRUE(trusted.look_back);
+  EXPECT_EQ(51, trusted.look_back->query);
+  EXPECT_EQ(11, trusted.look_back->match);
+  EXPECT_DOUBLE_EQ(72.5, trusted.look_back->evidence);
+  EXPECT_DOUBLE_EQ(1.5, trusted.look_back->placement.scale);
+  EXPECT_FALSE(tracks.decide(53, {{13, 60.0, false}}).look_back);  // once only
+  const auto last = tracks.lastVerified(54);
+  ASSERT_TRUE(last);
+  EXPECT_EQ(52, last->query);
+  EXPECT_EQ(12, last->match);
+  EXPECT_DOUBLE_EQ(1.2, last->placement.scale);
+  EXPECT_TRUE(tracks.goesOn(54, 14));
+  EXPECT_FALSE(tracks.goesOn(54, 40));
+  EXPECT_FALSE(tracks.lastVerified(64));
+  for (int image : {54, 50}) {  // the same after it and before it
+    EXPECT_DOUBLE_EQ(72.5 / 4.0, tracks.left(*last, image));
+    const int expected = image - 40;
+    EXPECT_GT(tracks.weightOf({expected, 5.0}, image, *last),
+              tracks.weightOf({expected + 2, 5.0}, image, *last));
+  }
 }
 
 TEST_F(Tracks, PreferTheCloserViewpoint) {

@@ -134,11 +134,23 @@ Run detect(const ImageSource& source, LoopDetector& detector, const Arguments& a
     for (std::size_t j = 0; j + 1 < index_of.size(); ++j)
       row[index_of[j]] = detection.similarities[before + j];
     run.similarities.push_back(std::move(row));
-    if (detection.best && detection.best->match >= before) {
-      run.proposals.push_back({static_cast<int>(i), index_of[detection.best->match - before],
-                               detection.best->similarity, detection.accepted});
-      run.geometry.push_back(detection.best->geometry);
-    }
+    const auto propose = [&](const Loop& loop, bool accepted) {
+      if (loop.match < before) return;
+      const Proposal proposal{index_of[loop.query - before], index_of[loop.match - before], loop.similarity,
+                              accepted};
+      const auto at = std::lower_bound(run.proposals.begin(), run.proposals.end(), proposal.query,
+                                       [](const Proposal& p, int query) { return p.query < query; });
+      const auto geometry = run.geometry.begin() + (at - run.proposals.begin());
+      if (at != run.proposals.end() && at->query == proposal.query) {
+        *at = proposal;
+        *geometry = loop.geometry;
+      } else {
+        run.proposals.insert(at, proposal);
+        run.geometry.insert(geometry, loop.geometry);
+      }
+    };
+    if (detection.best) propose(*detection.best, detection.accepted);
+    for (const Loop& loop : detection.earlier) propose(loop, true);
     progress.show("image ", i + 1, " of ", source.size());
   }
   progress.say(source.size(), " images");

@@ -69,13 +69,19 @@ struct RelativePose {
   int inliers = 0;
 };
 
+/// Where a layout puts the query's image in the match's.
+struct Placement {
+  double scale = 1.0, rotation = 0.0;  ///< rad
+  cv::Point2d shift;                   ///< of the middle, widths of the match's image
+};
+
 struct GeometryResult {
   int matches = 0;  ///< features that match by descriptor
   /// -log10 of the number of layouts as good as this one expected by chance: 0 and below says nothing, 4 is
   /// chance once in ten thousand.
   double significance = 0.0;
   double overlap = 0.0;      ///< share of each image that the other shows by the layout
-  double scale = 1.0;        ///< of the match's features to the query's by the layout
+  Placement placement;       ///< by the layout
   int inliers = 0;           ///< of the epipolar geometry or the pose
   bool verified = false;     ///< inliers are at least min_inliers
   std::vector<Match> pairs;  ///< a: feature of the query, b: of the match; those that fit the geometry
@@ -85,7 +91,10 @@ struct GeometryResult {
 /// Finds the most significant layout: a similarity transform that maps features to within a wide tolerance
 /// (a-contrario, as Moisan and Stival 2004 do for epipolar lines). It stands parallax and costs microseconds,
 /// so that many candidates can be tried.
-GeometryResult checkLayout(const View& query, const View& match, const GeometryOptions& options);
+/// @param like that of a pair before or after this one in a track: only layouts that are like it are sought.
+/// Chance makes few of those, so that fewer features do.
+GeometryResult checkLayout(const View& query, const View& match, const GeometryOptions& options,
+                           const std::optional<Placement>& like = {});
 
 /// How the image of a camera moved, as far as it is a similarity transform.
 struct ImageMotion {

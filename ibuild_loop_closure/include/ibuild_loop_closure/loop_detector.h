@@ -107,6 +107,7 @@ struct Detection {
   int image = -1;            ///< its id, counted from 0
   std::optional<Loop> best;  ///< the most likely loop, accepted or not
   bool accepted = false;
+  std::vector<Loop> earlier;  ///< those of images before, accepted now that a track confirms them; by query
   std::vector<double> similarities;  ///< with each earlier image, before any check
   int features = 0, tracked = 0, old_words = 0, new_words = 0;
 };
@@ -144,7 +145,7 @@ class LoopDetector {
   Detection process(const Frame& frame, const StageDone& done = {});
 
   /// Says that the next image doesn't follow the last one: time jumped, the camera was moved.
-  void breakSequence() { last_ = {}; }
+  void breakSequence();
 
   /// See vocabulary_file.h: all but what follows from the last few images.
   void save(const std::string& path) const;
@@ -154,12 +155,26 @@ class LoopDetector {
   void load(const std::string& path);
 
  private:
+  struct Checked {
+    int image;  // a candidate
+    GeometryResult result;
+  };
+  struct Past {
+    int end;        // of its candidates
+    bool accepted;  // it has a loop
+  };
   double progressOf(const View& view, const std::vector<Match>& tracked) const;
   std::vector<int> candidatesOf(const std::vector<double>& similarities, int end) const;
   int endOfCandidates(const View& view, int end);
-  bool hasLeft(int image, double significance) const;
+  bool hasLeft(int image, int until, double significance) const;
+  bool isLikely(int candidate, int image, const GeometryResult& result) const;
+  bool standsOut(int candidate, int image, const View& view, const Placement& like,
+                 double significance) const;
+  static LoopTracks::Hypothesis hypothesisOf(const Checked& checked);
   void decideBySimilarity(int end, Detection& detection);
   void decideByGeometry(const View& view, const std::optional<Camera>& camera, int end, Detection& detection);
+  std::vector<Checked> checkLike(const LoopTracks::Link& link, int image, const View& view, int end) const;
+  std::vector<Loop> lookBack(LoopTracks::Link link, const std::optional<Camera>& camera) const;
 
   LoopDetectorOptions options_;
   FeatureExtractor extractor_;
@@ -168,6 +183,8 @@ class LoopDetector {
   LoopTracks tracks_;
   std::vector<View> views_;
   std::vector<double> clock_;  // of each image: images until then, see LoopDetectorOptions::step
+  std::vector<Past> past_;     // of each image, with the geometric check
+  int first_ = 0;              // image of the sequence
   StraightRun straight_run_;
   Features last_;    // of the image before
   int in_view_ = 0;  // images from this one on show what the last one shows

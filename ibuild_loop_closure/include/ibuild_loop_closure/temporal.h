@@ -5,7 +5,10 @@
 
 #include <mapping_common/options.h>
 
+#include <optional>
 #include <vector>
+
+#include "ibuild_loop_closure/geometry.h"
 
 namespace ibuild_loop_closure {
 
@@ -30,6 +33,8 @@ struct TrackOptions {
   int min_verified = 2;
   double memory = 0.75;
   int backward = 2, ahead = 4;
+  double trust_significance = 120.0;
+  int look_back = 10;
 
   void describe(mapping_common::OptionList& o) {
     o("min_significance", min_significance, "", "-log10 of the false alarms of a pair's layout, at least")
@@ -42,6 +47,14 @@ struct TrackOptions {
         .within(0.0, 1.0);
     o("backward", backward, "", "key frames that the match may step back by").within(0, 1000);
     o("ahead", ahead, "", "key frames after the last match that are checked, whatever their words")
+        .within(0, 1000);
+    o("trust_significance", trust_significance, "",
+      "the same until a track is trusted: then less will do where images are like its last ones, and images "
+      "before it are looked at again. What looks alike seldom has as much")
+        .within(0.0, 1e6);
+    o("look_back", look_back, "",
+      "key frames before the one that opened a track that are checked once more when it is trusted: their "
+      "loops are published then. 0: none, all loops are the last image's")
         .within(0, 1000);
   }
 };
@@ -58,24 +71,40 @@ class LoopTracks {
     double significance = 0.0;
     bool verified = false;
     double closeness = 1.0;  ///< 0 to 1, of the viewpoints; the closest of similar images is the match
+    Placement placement = {};
+  };
+  /// A loop of a track, from which those before it and after it can be told.
+  struct Link {
+    int query, match;
+    double evidence;  ///< of the track
+    Placement placement;
   };
   struct Decision {
     int hypothesis = -1;  ///< index of the best, -1: none is significant enough
     bool accepted = false;
-    double evidence = 0.0;  ///< significance of the track with it
+    double evidence = 0.0;          ///< significance of the track with it
+    std::optional<Link> look_back;  ///< if the track is trusted from now on: the loop that opened it
   };
   /// All hypotheses of an image.
   Decision decide(int query, const std::vector<Hypothesis>& hypotheses);
   /// Images with which open tracks may go on, the most likely first.
   std::vector<int> expected(int query) const;
+  /// The last verified loop of the trusted track with most evidence left.
+  std::optional<Link> lastVerified(int query) const;
+  /// Whether a loop would be one of an open track.
+  bool goesOn(int query, int match) const;
+  /// What is left of a link's evidence at another image, before it or after it.
+  double left(const Link& link, int query) const;
+  /// How well a hypothesis at another image continues it, of several at this image the most is best.
+  double weightOf(const Hypothesis& hypothesis, int query, const Link& link) const;
 
  private:
-  struct Track {
-    int query, match, verified_count;
-    double evidence;
+  struct Track : Link {
+    int verified_count;
     bool open;
+    bool trusted = false;
+    Link first = {};  // that opened it
   };
-  double left(const Track& track, int query) const;
   const Track* trackOf(int query, int match) const;
 
   TrackOptions options_;

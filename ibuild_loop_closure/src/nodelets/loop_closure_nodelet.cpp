@@ -298,6 +298,11 @@ void LoopClosureNodelet::process(const Frame& frame, const std_msgs::Header& hea
   stamps_.back() = header.stamp;
   if (parameters_.debug_image && debug_images_.getNumSubscribers() > 0)
     keepThumbnail(detection.image, frame.image);
+  for (const Loop& loop : detection.earlier) {
+    std_msgs::Header of_query = header;
+    of_query.stamp = stamps_[loop.query];
+    publish(loop, of_query);
+  }
   if (detection.accepted) publish(*detection.best, header);
 }
 

@@ -163,6 +163,8 @@ Drive simulateDrive(const Arguments& a, std::uint32_t seed, mapping_common::Prog
         const loops::Detection found = detector.process(frame);
         drive.images.resize(found.image + 1);
         drive.images.back() = stamp;
+        for (const loops::Loop& loop : found.earlier)
+          drive.camera_loops.push_back({drive.images[loop.match], drive.images[loop.query]});
         if (found.accepted) drive.camera_loops.push_back({drive.images[found.best->match], stamp});
       });
   drive.truth = Trajectory(mapping_simulation::groundTruth(simulation, 1000.0, kStart));
