@@ -18,7 +18,8 @@ import time
 
 from live_robot import Robot, duration_of, fail
 
-# MB a round that the nodes may grow by: what is kept for good of key poses, places (171 kB each, 107 a round) and images.
+# MB a round that the nodes may grow by: what is kept for good of key poses, places and images, and what the C library doesn't
+# give back of what was freed, which varies.
 KEPT = 60.0
 ROUND_LIMIT = 600  # s
 
