@@ -33,6 +33,19 @@ void Beams::assign(const Scan& scan) {
   share_known = n > 0 ? static_cast<double>(all_known) / n : 0.0;
 }
 
+void Beams::assignSparse(const Beams& all, std::size_t most) {
+  const std::size_t groups = all.x.size() / kLanes, step = std::max<std::size_t>(1, all.x.size() / most);
+  reset((groups + step - 1) / step * kLanes);
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::size_t from = i / kLanes * step * kLanes + i % kLanes;
+    x[i] = all.x[from];
+    y[i] = all.y[from];
+    reflectivity[i] = all.reflectivity[from];
+    known[i] = all.known[from];
+    valid[i] = all.valid[from];
+  }
+}
+
 void Beams::assignThinned(const Beams& all, double spacing, int levels, std::size_t least) {
   const float square = static_cast<float>(spacing * spacing);
   begins_.clear();

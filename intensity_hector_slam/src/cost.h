@@ -30,11 +30,9 @@ class Cost {
   }
   /// The residuals of this cost that tell where surfaces are, alone; this, where there are no others.
   virtual const Cost& geometry() const { return *this; }
-  /// Over the first beams.
-  virtual Linearization linearize(const GridMap& map, const Beams& beams, const Pose& pose,
-                                  std::size_t count) const = 0;
-  /// The costs and the shares of the beams alone, over all.
-  virtual Linearization values(const GridMap& map, const Beams& beams, const Pose& pose) const = 0;
+  /// Over the beams from one, a multiple of kLanes, up to another.
+  virtual Linearization linearize(const GridMap& map, const Beams& beams, const Pose& pose, std::size_t end,
+                                  std::size_t begin = 0) const = 0;
   /// The best of the poses around a guess, see searchWindow.
   virtual Pose search(const GridMap& map, const Beams& beams, const Pose& guess) const = 0;
 

@@ -39,11 +39,12 @@ struct Layers {
   Bilinear<Eigen::Array4f> reflectivity;  ///< R between those
 };
 
-/// Calls `use` for the first beams, kLanes at a time, with the index of the first, the layers of the map
-/// where they end, and the derivatives of S_i by the angle, in cells.
+/// Calls `use` for the beams from `begin` to `end`, kLanes at a time, with the index of the first, the layers
+/// of the map where they end, and the derivatives of S_i by the angle, in cells.
 /// @tparam kReflectivities whether the layers that are about them are wanted
 template <bool kReflectivities, class Use>
-void forBeams(const GridMap& map, const Beams& beams, const Pose& pose, std::size_t count, const Use& use) {
+void forBeams(const GridMap& map, const Beams& beams, const Pose& pose, std::size_t begin, std::size_t end,
+              const Use& use) {
   using Eigen::Array4f;
   // Of kLanes cells, with the ones right of them: P, R, P and R of those right.
   const auto gather = [](const GridMap::Squares& squares, auto cells) {
@@ -61,7 +62,7 @@ void forBeams(const GridMap& map, const Beams& beams, const Pose& pose, std::siz
   static_assert(kLanes == std::tuple_size_v<GridMap::Squares>);
   GridMap::Seams seams;
   Layers layers;
-  for (std::size_t first = 0; first < count; first += kLanes) {
+  for (std::size_t first = begin; first < end; first += kLanes) {
     const Eigen::Map<const Array4f> x(&beams.x[first]), y(&beams.y[first]);
     const Array4f dx_dtheta = -s * x - c * y, dy_dtheta = c * x - s * y;
     const Array4f u = dy_dtheta + u0, v = v0 - dx_dtheta;
@@ -117,10 +118,10 @@ class CostOf : public Cost {
     return uses;
   }
 
-  Linearization linearize(const GridMap& map, const Beams& beams, const Pose& pose,
-                          std::size_t count) const override {
+  Linearization linearize(const GridMap& map, const Beams& beams, const Pose& pose, std::size_t end,
+                          std::size_t begin) const override {
     AllSums sums = noSums();
-    forBeams<kReflectivities>(map, beams, pose, count,
+    forBeams<kReflectivities>(map, beams, pose, begin, end,
                               [&](std::size_t first, const Layers& layers, const auto& dx, const auto& dy) {
                                 const BeamEnds ends = endsOf(beams, first);
                                 forEach([&](const auto& kind, std::size_t k) {
@@ -132,26 +133,6 @@ class CostOf : public Cost {
     Linearization result;
     forEach([&](const auto& kind, std::size_t k) {
       sums[k].addTo(result.of(kind.kChannel), weightOf(kind), 1.0 / map.resolution());
-    });
-    return result;
-  }
-
-  Linearization values(const GridMap& map, const Beams& beams, const Pose& pose) const override {
-    AllSums sums = noSums();
-    forBeams<kReflectivities>(map, beams, pose, beams.count,
-                              [&](std::size_t first, const Layers& layers, const auto&, const auto&) {
-                                const BeamEnds ends = endsOf(beams, first);
-                                forEach([&](const auto& kind, std::size_t k) {
-                                  if (!isUsed(kind)) return;
-                                  const Residual r = kind.at(ends, layers);
-                                  sums[k].add(r.e, r.share);
-                                });
-                              });
-    Linearization result;
-    forEach([&](const auto& kind, std::size_t k) {
-      NormalEquation& equation = result.of(kind.kChannel);
-      equation.cost += weightOf(kind) * sums[k].cost();
-      equation.beams += sums[k].beams();
     });
     return result;
   }

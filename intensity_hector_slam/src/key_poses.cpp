@@ -90,6 +90,8 @@ std::optional<Edge> KeyPoses::add(double stamp, const SlamResult& result) {
             ? std::abs(between(previous->pose, result.pose).z()) / (stamp - previous->stamp)
             : 0.0;
     if (turn_rate > kQuickTurn && isWithin(kLongestDistance, kLongestTurn)) return {};
+    // The pose that the map starts at is exact, but the map isn't: of one scan, it is off as a match is.
+    if (last_covariance_.isZero(0.0)) last_covariance_ = result.covariance;
     // Both poses were matched against the map, each with an error of its own.
     Eigen::Matrix3d covariance =
         covarianceBetween(last_->pose, last_covariance_, result.pose, result.covariance);

@@ -35,11 +35,6 @@ class Sums {
     beams_ += share;
   }
 
-  // The cost alone.
-  void add(const Eigen::Array4f& e, const Eigen::Array4f& share) {
-    weigh(share * e.square());
-    beams_ += share;
-  }
   double cost() const { return (cost_ + scale_ * scale_ * product_.log()).sum(); }
   double beams() const { return beams_.sum(); }
 

@@ -23,6 +23,10 @@ constexpr double kSureShare = 0.5;
 // The same, with which the finest level is enough where the first guess is near: people who walk pull it
 // away.
 constexpr double kNearShare = 0.8;
+// The variance for who takes the errors of successive matches for independent: they are alike.
+constexpr double kAlike = 3.0;
+// Beams whose errors are alike, and about how many tell the curvature.
+constexpr std::size_t kPiece = 16, kCurvatureBeams = 128;
 // Fewer points than these tell no pose.
 constexpr std::size_t kLeastPoints = 30;
 
@@ -42,12 +46,6 @@ void leaveOutNew(const GridMap& map, const Scan& scan, const Pose& pose, double 
   }
 }
 
-// With angles in units of length, so that eigenvalues compare.
-Matrix3d scaled(const Matrix3d& hessian, double length) {
-  const Vector3d unit(1.0, 1.0, 1.0 / length);
-  return unit.asDiagonal() * hessian * unit.asDiagonal();
-}
-
 }  // namespace
 
 // The sum of what the residuals of both channels tell.
@@ -55,14 +53,13 @@ class ScanMatcher::Solver {
  public:
   /// @param gain see Linearization::gain
   Solver(const Linearization& at, double gain, double length, const Observability& observability)
-      : unit_(1.0, 1.0, 1.0 / length) {
-    const auto add = [&](const NormalEquation& equation, double weight, const Matrix3d& projection) {
-      hessian_ += weight * projection * scaled(equation.hessian, length) * projection;
-      gradient_ += weight * projection * unit_.asDiagonal() * equation.gradient;
-    };
-    add(at.occupancy, 1.0, observability.occupancy);
-    add(at.reflectivity, gain, observability.reflectivity);
-    solver_.compute(hessian_);
+      : unit_(1.0, 1.0, 1.0 / length),
+        occupancy_(observability.occupancy * unit_.asDiagonal()),
+        reflectivity_(observability.reflectivity * unit_.asDiagonal()),
+        gain_(gain),
+        gradient_(gradient(at)) {
+    solver_.compute(occupancy_ * at.occupancy.hessian * occupancy_.transpose() +
+                    gain * reflectivity_ * at.reflectivity.hessian * reflectivity_.transpose());
     const Vector3d values = solver_.eigenvalues();
     observable_ = (values.array() >= std::max(kLeastInformation, kSingular * values.z())).count();
   }
@@ -85,34 +82,45 @@ class ScanMatcher::Solver {
     }
     return unit_.asDiagonal() * part * unit_.cwiseInverse().asDiagonal();
   }
-  /// The observable direction of the least curvature, as a difference of poses with angles in units of
-  /// length.
-  Vector3d weakest() const { return solver_.eigenvectors().col(3 - observable_); }
-  /// sigma^2 H^-1 and the floor, but nowhere less certain than the prior.
-  /// @param curvature in the weakest direction, see ScanMatcher::curvatureAlong
-  Matrix3d covariance(double sigma_squared, double curvature, double floor_squared,
+  /// Of what tells the pose, by which poses have angles in units of length.
+  Vector3d gradient(const Linearization& at) const {
+    return occupancy_ * at.occupancy.gradient + gain_ * reflectivity_ * at.reflectivity.gradient;
+  }
+  /// C^-1 S C^-1 and the floor, but nowhere less certain than the prior. In no direction is C much less than
+  /// H.
+  /// @param scatter S, of gradient(), and curvature C
+  Matrix3d covariance(const Matrix3d& scatter, const Matrix3d& curvature, double floor_squared,
                       const Vector3d& prior_variances) const {
-    Matrix3d sum = Matrix3d::Zero();
+    Matrix3d root = Matrix3d::Zero(), sum = floor_squared * Matrix3d::Identity();  // H^-1/2
+    const Vector3d prior = prior_variances.cwiseQuotient(unit_.cwiseAbs2());
     for (int i = 0; i < 3; ++i) {
       const Vector3d v = solver_.eigenvectors().col(i);
-      const bool weakest = i == 3 - observable_;
-      const double h = std::max(solver_.eigenvalues()[i], weakest ? kPlateau * curvature : 0.0);
-      const double c = weakest ? std::min(h, curvature) : h;
-      const double prior = v.dot(prior_variances.cwiseQuotient(unit_.cwiseAbs2()).asDiagonal() * v);
-      const bool observed = i >= 3 - observable_ && c > 0.0;
-      const double variance = observed ? sigma_squared * h / (c * c) + floor_squared : prior;
-      sum += std::min(prior, variance) * v * v.transpose();
+      if (i < 3 - observable_) {
+        sum += kUnknown * prior.maxCoeff() * v * v.transpose();
+      } else {
+        root += v * v.transpose() / std::sqrt(solver_.eigenvalues()[i]);
+      }
     }
-    return unit_.asDiagonal() * sum * unit_.asDiagonal();
+    const Eigen::SelfAdjointEigenSolver<Matrix3d> relative(0.5 * root * (curvature + curvature.transpose()) *
+                                                           root);
+    const Matrix3d whitened = root * relative.eigenvectors();
+    const Matrix3d inverse = whitened *
+                             relative.eigenvalues().cwiseMax(kLeastCurvature).cwiseInverse().asDiagonal() *
+                             whitened.transpose();
+    sum += inverse * scatter * inverse;
+    sum = (sum.inverse() + Matrix3d(prior.cwiseInverse().asDiagonal())).inverse();
+    return unit_.asDiagonal() * (0.5 * (sum + sum.transpose())) * unit_.asDiagonal();
   }
 
  private:
-  static constexpr double kSingular = 1e-6;  // of the greatest eigenvalue: what was projected away
-  static constexpr double kPlateau = 1e-3;   // of the curvature: with less, H tells of a flat bit of the map
+  static constexpr double kSingular = 1e-6;       // of the greatest eigenvalue: what was projected away
+  static constexpr double kLeastCurvature = 0.3;  // of H
+  static constexpr double kUnknown = 1e3;         // times the prior: nothing is known
 
   Vector3d unit_;
-  Matrix3d hessian_ = Matrix3d::Zero();
-  Vector3d gradient_ = Vector3d::Zero();
+  Matrix3d occupancy_, reflectivity_;  // take gradients to those of what each channel tells
+  double gain_;
+  Vector3d gradient_;
   Eigen::SelfAdjointEigenSolver<Matrix3d> solver_;
   int observable_ = 0;
 };
@@ -263,48 +271,50 @@ Match ScanMatcher::matchPoints(const MultiMap& map, const Scan& scan, const Pose
                      observability, pose, match.iterations);
   const double gain = at.gain();
   const Solver solver(at, gain, beams_.mean_range, observability);
-  match.hessian = at.occupancy.hessian + gain * at.reflectivity.hessian;
   match.observable = solver.observable();
   match.unobservable_part = solver.unobservablePart();
   pose -= match.unobservable_part * (pose - start);
   match.pose = {pose.x(), pose.y(), wrapAngle(pose.z())};
-  const double variance = (at.occupancy.squares + gain * at.reflectivity.squares) /
-                          std::max(1.0, at.occupancy.weights + at.reflectivity.weights);
-  match.residual = std::sqrt(variance);
-  const double sigma_squared = options_.sigma > 0.0 ? options_.sigma * options_.sigma : variance;
-  const double d = options_.unobservable_distance, a = options_.unobservable_angle;
-  const double curvature = match.observable > 0
-                               ? curvatureAlong(solver.weakest(), finest, match.pose, cost, at, observability)
-                               : 0.0;
-  const double floor = options_.covariance_floor * finest.resolution();
-  match.covariance = solver.covariance(options_.covariance_scale * sigma_squared, curvature, floor * floor,
-                                       {d * d, d * d, a * a});
+  match.residual = std::sqrt((at.occupancy.squares + gain * at.reflectivity.squares) /
+                             std::max(1.0, at.occupancy.weights + at.reflectivity.weights));
+  match.covariance = covarianceAt(match.pose, finest, cost, solver);
   const Vector3d unit(1.0, 1.0, 1.0 / beams_.mean_range);
   match.uncertainty =
-      match.covariance + options_.surface_noise * options_.surface_noise *
-                             (unit.asDiagonal() * observability.uncertainty * unit.asDiagonal());
+      kAlike * match.covariance + options_.surface_noise * options_.surface_noise *
+                                      (unit.asDiagonal() * observability.uncertainty * unit.asDiagonal());
   const Overlap overlap = overlapOf(coarsest, beams_, match.pose);
   match.contradiction = overlap.free;
   match.overlap = overlap.occupied;
   return match;
 }
 
-// Of the cost in a direction, from poses a cell away on both sides. H is what the map changes within a cell,
-// its noise as well, as if that told something too. With H = C + noise, the pose that solves Eq. 3.9 has the
-// variance sigma^2 C^-1 H C^-1.
-double ScanMatcher::curvatureAlong(const Vector3d& v, const GridMap& map, const Pose& pose, const Cost& cost,
-                                   const Linearization& at, const Observability& observability) const {
-  const Vector3d shift = map.resolution() * Vector3d(v.x(), v.y(), v.z() / beams_.mean_range);
-  const double occupancy = (observability.occupancy * v).squaredNorm(),
-               reflectivity = (observability.reflectivity * v).squaredNorm();
-  const auto costAt = [&](Linearization there) {
-    there.occupancy.cost *= occupancy;
-    there.reflectivity.cost *= reflectivity;
-    return at.costOf(there);
-  };
-  const double rise = costAt(cost.values(map, beams_, pose - shift)) +
-                      costAt(cost.values(map, beams_, pose + shift)) - 2.0 * costAt(at);
-  return std::isfinite(rise) ? rise / (map.resolution() * map.resolution()) : 0.0;
+// As of ICP (A. Censi, "An accurate closed-form estimate of ICP's covariance", ICRA 2007): the pose moves by
+// C^-1 times what the gradient changes by, C the curvature of the cost. H isn't it: H is what the map changes
+// within a cell, its noise as well. C is the difference of gradients half a cell apart on both sides. By how
+// much the gradient changes from scan to scan, the pieces of one scan tell, as their gradients add up to
+// nothing.
+Matrix3d ScanMatcher::covarianceAt(const Pose& pose, const GridMap& map, const Cost& cost,
+                                   const Solver& solver) {
+  Matrix3d scatter = Matrix3d::Zero(), curvature;
+  for (std::size_t begin = 0; begin < beams_.count; begin += kPiece) {
+    const Vector3d gradient =
+        solver.gradient(cost.linearize(map, beams_, pose, std::min(beams_.count, begin + kPiece), begin));
+    scatter += gradient * gradient.transpose();
+  }
+  sparse_.assignSparse(beams_, kCurvatureBeams);
+  const double step = 0.5 * map.resolution();
+  for (int i = 0; i < 3; ++i) {
+    const Vector3d shift = (i < 2 ? step : step / beams_.mean_range) * Vector3d::Unit(i);
+    const auto gradientAt = [&](const Pose& there) {
+      return solver.gradient(cost.linearize(map, sparse_, there, sparse_.count));
+    };
+    curvature.col(i) = (gradientAt(pose - shift) - gradientAt(pose + shift)) / (2.0 * step);
+  }
+  curvature *= static_cast<double>(beams_.x.size()) / std::max<std::size_t>(1, sparse_.count);
+  const double floor = options_.covariance_floor * map.resolution(), d = options_.unobservable_distance,
+               a = options_.unobservable_angle;
+  return solver.covariance(options_.covariance_scale * scatter, curvature, floor * floor,
+                           {d * d, d * d, a * a});
 }
 
 }  // namespace intensity_hector_slam

@@ -14,6 +14,7 @@ constexpr double kOdometryShare = 2.0;  // of the way, by which it is off at mos
                                         // one forward
 constexpr double kTurnShare = 0.2;      // the same of the turn, and m for each rad
 constexpr double kUnknownSpeed = 1.0, kUnknownTurnRate = 2.0;  // m/s, rad/s: standard deviations at the start
+constexpr double kVelocityError = 0.5;                         // of its change by a scan, that it is off by
 constexpr double kOdometryTrust = 10.0;  // times SlamOptions::max_gap, that it leads while nothing fits
 
 }  // namespace
@@ -298,15 +299,29 @@ void Slam::follow(const Scan& scan, bool unsure, SlamResult& result) {
   const Eigen::Vector3d assumed = velocity_;
   place(deskewed_, scan.stamp + middle, unsure, result);
   updateVelocity(scan.stamp + middle, result);
-  addUncertainty((velocity_ - assumed) * middle, result);
+  addUncertainty(velocity_ - assumed, scan, middle, result);
   for (Pose* pose : {&result.pose, &result.guess}) *pose = compose(*pose, -velocity_ * middle);
 }
 
-// Between the stamp and the middle of the sweep, the motion is as uncertain as the velocity changes.
-void Slam::addUncertainty(const Eigen::Vector3d& motion, SlamResult& result) const {
-  Eigen::Vector3d difference = motion;
-  difference.head<2>() = Eigen::Rotation2Dd(result.pose.z()) * motion.head<2>();
-  result.covariance += difference * difference.transpose();
+// The velocity is off by about a part of what the scan changes it by, and with it the way from the middle of
+// the sweep to the stamp, and the places to which points were moved: by the mean of those, so is the pose.
+void Slam::addUncertainty(const Eigen::Vector3d& change, const Scan& scan, double middle,
+                          SlamResult& result) const {
+  if (!options_.deskew || scan.times.empty()) return;
+  Eigen::Vector3d moved = Eigen::Vector3d::Zero();
+  double squares = 0.0;
+  for (std::size_t i = 0; i < scan.points.size(); ++i) {
+    const Eigen::Vector2d point = scan.points[i].cast<double>(), across(-point.y(), point.x());
+    const Eigen::Vector2d by = (scan.times[i] - middle) * (change.head<2>() + change.z() * across);
+    moved += Eigen::Vector3d(by.x(), by.y(), across.dot(by));
+    squares += point.squaredNorm();
+  }
+  const double n = scan.points.size();
+  moved = moved.cwiseQuotient(Eigen::Vector3d(n, n, std::max(squares, 1e-9)));
+  for (const Eigen::Vector3d& difference : {Eigen::Vector3d(change * middle), moved}) {
+    const Eigen::Vector3d in_map = kVelocityError * turnBy(result.pose.z()) * difference;
+    result.covariance += in_map * in_map.transpose();
+  }
 }
 
 // Now that the velocity is known, the first scan goes into the map as it should have.

@@ -73,6 +73,20 @@ TEST(KeyPoses, LeaveOutWhatWasNotMatched) {
   EXPECT_EQ(2u, key_poses.add(4.0, at({6.0, 0.0, 0.0}))->to.id);
 }
 
+// Its covariance is zero, but a map of one scan is as uncertain as a match.
+TEST(KeyPoses, TheStartIsAsUnsureAsWhatIsMatchedToIt) {
+  KeyPoses key_poses;
+  SlamResult start = at(Pose::Zero());
+  start.status = Status::kStarted;
+  start.covariance.setZero();
+  key_poses.add(1.0, start);
+  const auto edge = key_poses.add(2.0, at({2.0, 0.0, 0.0}));
+  ASSERT_TRUE(edge);
+  const Eigen::Matrix3d covariance = edge->information.inverse();
+  EXPECT_NEAR(2.0 * 0.01, covariance(0, 0), 1e-9);
+  EXPECT_NEAR(2.0 * 0.04 + 4.0 * 0.001, covariance(1, 1), 1e-9);
+}
+
 TEST(KeyPoses, DriftGrowsWithTheWay) {
   KeyPoses key_poses(0.5, 0.5, {0.1, 0.2, 0.3});
   key_poses.add(1.0, at(Pose::Zero()));

@@ -340,18 +340,6 @@ TEST(ScanMatcher, AutoTrustsReflectivityWhereItIsKnownAndDense) {
   EXPECT_EQ("occupancy", matcher.match(map, look(walls, Pose::Zero(), sparse, 3), Pose::Zero()).cost);
 }
 
-TEST(ScanMatcher, CovarianceIsSigmaSquaredByH) {
-  const MultiMap map = mapOf(furnishedRoom(), noisy());
-  MatcherOptions options = optionsOf("occupancy");
-  options.sigma = 0.1;
-  options.covariance_scale = 1.0;
-  options.covariance_floor = 0.0;
-  const Match match =
-      ScanMatcher(options).match(map, look(furnishedRoom(), Pose::Zero(), noisy(), 3), Pose(0.02, 0.0, 0.0));
-  const Eigen::Matrix3d expected = 0.01 * match.hessian.inverse();
-  EXPECT_LT((match.covariance - expected).cwiseAbs().maxCoeff(), 1e-3 * expected.cwiseAbs().maxCoeff());
-}
-
 TEST(ScanMatcher, AnUnknownMapTellsNothing) {
   const Pose guess(1.0, 2.0, 0.3);
   const Match match = ScanMatcher().match(MultiMap(), look(furnishedRoom(), Pose::Zero(), {}), guess);

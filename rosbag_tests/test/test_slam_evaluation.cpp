@@ -314,6 +314,25 @@ TEST(Evaluation, ToolAndPlots) {
   EXPECT_TRUE(mentions(said, {"evaluate_slam --out"}));
 }
 
+// Errors of the edges, whitened by their covariances, have the standard deviation 1 and are within it twice
+// out of three times, whatever the cost.
+TEST(Evaluation, CovariancesHold) {
+  for (const char* cost : {"occupancy", "reflectivity", "combined"}) {
+    double squares = 0.0, within = 0.0;
+    std::size_t count = 0;
+    for (const std::uint64_t seed : {21, 22, 23, 24}) {
+      for (const double error : run(record(scenario("room", 20.0), seed), cost).normalized_errors) {
+        squares += error * error;
+        within += std::abs(error) <= 1.0;
+        ++count;
+      }
+    }
+    ASSERT_GT(count, 150u) << cost;
+    EXPECT_NEAR(1.0, std::sqrt(squares / count), 0.2) << cost;
+    EXPECT_NEAR(0.68, within / count, 0.1) << cost;
+  }
+}
+
 // The thesis's case (Fig. 3.6). With all seeds: evaluate_slam config/slam_evaluation/room.yaml --seeds 100.
 TEST(Evaluation, ReflectivityKeepsTheMapOfTheRoom) {
   intensity_hector_slam::SlamOptions hector;  // which never asks whether the pose is observable

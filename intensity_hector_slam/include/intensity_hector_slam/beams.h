@@ -32,6 +32,9 @@ struct Beams {
   /// @param least so many are kept, or half of them if that is more; the last in this order are left out
   void assignThinned(const Beams& all, double spacing, int levels, std::size_t least);
 
+  /// Every k-th kLanes beams of `all`, about `most` of them or all if they are fewer.
+  void assignSparse(const Beams& all, std::size_t most);
+
  private:
   void reset(std::size_t n);  // to zeros
 

@@ -127,8 +127,7 @@ struct MatcherOptions {
 
   double surface_length = 0.6, surface_noise = 0.02;
   double min_observability = 0.002, min_texture = 10.0, min_geometry = 0.02;
-  double sigma = 0.0;
-  double covariance_scale = 2.0, covariance_floor = 0.03;
+  double covariance_scale = 0.8, covariance_floor = 0.004;
   double unobservable_distance = 1.0, unobservable_angle = 0.5;
 
   void describe(mapping_common::OptionList& o) {
@@ -235,16 +234,13 @@ struct MatcherOptions {
     o("min_geometry", min_geometry, "",
       "as min_observability, where there is texture: reflectivity alone tells there")
         .within(0.0, 1.0);
-    o("sigma", sigma, "", "of the covariance K = sigma^2 H^-1; 0: from the residuals of each scan")
-        .within(0.0, 1000.0);
     o("covariance_scale", covariance_scale, "",
-      "factor on K: residuals of neighbouring beams aren't independent")
+      "factor on the covariance that follows from how unevenly the pieces of a scan pull at its pose")
         .within(0.001, 1e6);
     o("covariance_floor", covariance_floor, "cells",
-      "of the finest level: standard deviation of what all beams have in common, of points at the scan's "
-      "mean range "
-      "for the angle, added to K")
-        .within(0.0, 1000.0);
+      "of the finest level: standard deviation that is added, of points at the scan's mean range for the "
+      "angle")
+        .within(1e-4, 1000.0);
     o("unobservable_distance", unobservable_distance, "m",
       "standard deviation in a direction that isn't observable")
         .within(0.001, 1e6);

@@ -45,10 +45,9 @@ struct Linearization {
 struct Match {
   Pose pose = Pose::Zero();
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< K of x, y, theta, map frame: m^2, m rad, rad^2
-  /// The same, larger where surfaces tell so little of the pose that their unevenness pulls it along: what it
-  /// may be off by from one scan to the next, all alike.
+  /// The same, larger as successive scans are off alike, and where surfaces tell so little of the pose that
+  /// their unevenness pulls it along: for who takes the errors of scans for independent.
   Eigen::Matrix3d uncertainty = Eigen::Matrix3d::Zero();
-  Eigen::Matrix3d hessian = Eigen::Matrix3d::Zero();  ///< H at the pose, over all beams, on the finest level
   /// Takes a difference of poses (map frame) to its part in directions that weren't observable.
   Eigen::Matrix3d unobservable_part = Eigen::Matrix3d::Zero();
   std::string cost;            ///< what was minimised, never auto
@@ -85,8 +84,7 @@ class ScanMatcher {
   class Solver;
 
   Observability observe(const GridMap& map, const Scan& scan, const Pose& pose, const Cost& cost) const;
-  double curvatureAlong(const Eigen::Vector3d& v, const GridMap& map, const Pose& pose, const Cost& cost,
-                        const Linearization& at, const Observability& observability) const;
+  Eigen::Matrix3d covarianceAt(const Pose& pose, const GridMap& map, const Cost& cost, const Solver& solver);
   void thin(const MultiMap& map);
   Match matchPoints(const MultiMap& map, const Scan& scan, const Pose& guess, bool search, bool follows);
   /// Both move the pose, add to the iterations, and return the cost where the last step starts, on the
@@ -102,8 +100,8 @@ class ScanMatcher {
 
   MatcherOptions options_;
   std::shared_ptr<const Cost> cost_;
-  Scan seen_before_;       // the points of a scan that haven't just come into view
-  Beams beams_, thinned_;  // all, and for the coarser levels
+  Scan seen_before_;                // the points of a scan that haven't just come into view
+  Beams beams_, thinned_, sparse_;  // all, for the coarser levels, and for the curvature
 };
 
 }  // namespace intensity_hector_slam

@@ -126,7 +126,8 @@ class Slam {
                                          double elapsed);
   bool isUnsure(double stamp, bool odometry, const SlamResult& result) const;
   void follow(const Scan& scan, bool unsure, SlamResult& result);
-  void addUncertainty(const Eigen::Vector3d& motion, SlamResult& result) const;
+  void addUncertainty(const Eigen::Vector3d& change, const Scan& scan, double middle,
+                      SlamResult& result) const;
   void startAgain();
   double deskew(const Scan& scan);
   Scan moved(const Scan& scan, double time) const;

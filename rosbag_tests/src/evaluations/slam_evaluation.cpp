@@ -11,6 +11,7 @@
 #include <cmath>
 #include <iomanip>
 #include <map>
+#include <numeric>
 #include <ostream>
 #include <sstream>
 #include <utility>
@@ -122,6 +123,10 @@ double shareWithin(const std::vector<double>& values, double limit) {
   return static_cast<double>(std::count_if(values.begin(), values.end(), within)) / values.size();
 }
 
+double deviationOf(const std::vector<double>& values) {
+  return std::sqrt(std::inner_product(values.begin(), values.end(), values.begin(), 0.0) / values.size());
+}
+
 }  // namespace
 
 SlamRun runSlam(const SlamRecording& recording, const intensity_hector_slam::SlamOptions& options,
@@ -167,7 +172,7 @@ void printTable(std::ostream& out, const std::vector<SlamRun>& runs) {
   }
   std::vector<std::vector<std::string>> table = {
       {"scenario", "cost", "lost", "delta (mm)", "delta (deg)", "error (m)", "greatest (m)", "error (deg)",
-       "1, 2, 3 sigma (%)", "rejected (%)", "unobservable (%)", "ms per scan"}};
+       "1, 2, 3 sigma (%)", "whitened", "rejected (%)", "unobservable (%)", "ms per scan"}};
   const auto mean = [](const std::vector<double>& values) { return momentsOf(values).mean; };
   for (const auto& [scenario, cost] : rows) {
     const Summary s = summarize(runs, scenario, cost);
@@ -179,8 +184,9 @@ void printTable(std::ostream& out, const std::vector<SlamRun>& runs) {
     table.push_back({scenario, cost, std::to_string(s.lost) + " of " + std::to_string(s.runs),
                      number(1e3 * mean(s.delta_translation), 2), number(kDegrees * mean(s.delta_rotation), 3),
                      number(mean(s.translation), 3), number(momentsOf(s.max_translation).max, 3),
-                     number(kDegrees * mean(s.rotation), 3), within, number(100.0 * s.rejected / s.scans, 1),
-                     number(100.0 * s.unobservable / s.scans, 1), number(1e3 * s.seconds / s.scans, 2)});
+                     number(kDegrees * mean(s.rotation), 3), within, number(deviationOf(s.normalized), 2),
+                     number(100.0 * s.rejected / s.scans, 1), number(100.0 * s.unobservable / s.scans, 1),
+                     number(1e3 * s.seconds / s.scans, 2)});
   }
   out << mapping_common::markdownTable(table, 2);
 }

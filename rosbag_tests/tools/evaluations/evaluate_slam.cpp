@@ -36,7 +36,8 @@ const char kUsage[] =
     "the "
     "mean\n"
     "and the greatest error of the poses, and the share of errors within 1, 2 and 3 sigma of SLAM's own "
-    "covariance.\n";
+    "covariance\n"
+    "and their standard deviation by it, which is 1 where it holds.\n";
 
 struct Arguments {
   std::vector<std::string> scenarios;

@@ -49,7 +49,8 @@ SlamRun runSlam(const SlamRecording& recording, const intensity_hector_slam::Sla
 /// A Markdown table with a row for each scenario and cost: in how many runs the map was lost; of those in
 /// which it wasn't, the mean error from scan to scan (delta), the mean and the greatest error of the poses
 /// and the share of the normalized errors within 1, 2 and 3 sigma (68.3, 95.4 and 99.7 % where the covariance
-/// is honest); of all, the share of scans that were rejected or not observable, and the time per scan.
+/// is honest) and their standard deviation (1 where it is); of all, the share of scans that were rejected or
+/// not observable, and the time per scan.
 void printTable(std::ostream& out, const std::vector<SlamRun>& runs);
 
 /// An array with one object per run, without its poses.
