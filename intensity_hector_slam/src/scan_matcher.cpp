@@ -277,7 +277,8 @@ Match ScanMatcher::matchPoints(const MultiMap& map, const Scan& scan, const Pose
   match.pose = {pose.x(), pose.y(), wrapAngle(pose.z())};
   match.residual = std::sqrt((at.occupancy.squares + gain * at.reflectivity.squares) /
                              std::max(1.0, at.occupancy.weights + at.reflectivity.weights));
-  match.covariance = covarianceAt(match.pose, finest, cost, solver);
+  match.covariance =
+      covarianceAt(match.pose, finest, cost, solver, gridError(finest.resolution(), observability.variance));
   const Vector3d unit(1.0, 1.0, 1.0 / beams_.mean_range);
   match.uncertainty =
       kAlike * match.covariance + options_.surface_noise * options_.surface_noise *
@@ -288,13 +289,21 @@ Match ScanMatcher::matchPoints(const MultiMap& map, const Scan& scan, const Pose
   return match;
 }
 
+// A map of cells of width w, of walls that noise of the variance s^2 blurs, is off by what is aliased: by
+// exp(-2 pi^2 s^2 / w^2), as that is the share of the blurred walls in the frequency 1 / w.
+double ScanMatcher::gridError(double width, double variance) const {
+  constexpr double kLeast = 0.04;  // few pieces of a scan don't tell all directions
+  return options_.covariance_floor * width *
+         std::max(kLeast, std::exp(-2.0 * M_PI * M_PI * variance / (width * width)));
+}
+
 // As of ICP (A. Censi, "An accurate closed-form estimate of ICP's covariance", ICRA 2007): the pose moves by
 // C^-1 times what the gradient changes by, C the curvature of the cost. H isn't it: H is what the map changes
 // within a cell, its noise as well. C is the difference of gradients half a cell apart on both sides. By how
 // much the gradient changes from scan to scan, the pieces of one scan tell, as their gradients add up to
 // nothing.
 Matrix3d ScanMatcher::covarianceAt(const Pose& pose, const GridMap& map, const Cost& cost,
-                                   const Solver& solver) {
+                                   const Solver& solver, double grid_error) {
   Matrix3d scatter = Matrix3d::Zero(), curvature;
   for (std::size_t begin = 0; begin < beams_.count; begin += kPiece) {
     const Vector3d gradient =
@@ -311,9 +320,8 @@ Matrix3d ScanMatcher::covarianceAt(const Pose& pose, const GridMap& map, const C
     curvature.col(i) = (gradientAt(pose - shift) - gradientAt(pose + shift)) / (2.0 * step);
   }
   curvature *= static_cast<double>(beams_.x.size()) / std::max<std::size_t>(1, sparse_.count);
-  const double floor = options_.covariance_floor * map.resolution(), d = options_.unobservable_distance,
-               a = options_.unobservable_angle;
-  return solver.covariance(options_.covariance_scale * scatter, curvature, floor * floor,
+  const double d = options_.unobservable_distance, a = options_.unobservable_angle;
+  return solver.covariance(options_.covariance_scale * scatter, curvature, grid_error * grid_error,
                            {d * d, d * d, a * a});
 }
 
