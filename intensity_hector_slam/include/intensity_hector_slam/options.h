@@ -127,7 +127,7 @@ struct MatcherOptions {
 
   double surface_length = 0.6, surface_noise = 0.02;
   double min_observability = 0.002, min_texture = 10.0, min_geometry = 0.02;
-  double covariance_scale = 0.8, covariance_floor = 0.06;
+  double covariance_scale = 0.8, covariance_floor = 0.08;
   double unobservable_distance = 1.0, unobservable_angle = 0.5;
 
   void describe(mapping_common::OptionList& o) {
