@@ -97,7 +97,7 @@ std::optional<Edge> KeyPoses::add(double stamp, const SlamResult& result) {
         covarianceBetween(last_->pose, last_covariance_, result.pose, result.covariance);
     covariance +=
         driftOf(transform.head<2>().norm(), std::abs(transform.z())) + turned(jumps_, -last_->pose.z());
-    edge = Edge{*last_, {next_id_, stamp, result.pose}, transform, covariance.inverse()};
+    edge = Edge{*last_, {next_id_, stamp, result.pose}, transform, inverseOf(covariance)};
   }
   last_ = KeyPose{next_id_++, stamp, result.pose};
   last_covariance_ = result.covariance;

@@ -91,7 +91,7 @@ std::vector<Edge> LoopFinder::add(const KeyPose& key, const Scan& scan, const st
   nodes_.push_back({key, thinned(scan), node > 0 ? nodes_.back().travelled + length : 0.0, {}, {}});
   points_ += nodes_.back().scan.points.size();
   if (edge) {
-    connect(node - 1, node, edge->transform, edge->information.inverse(), length);
+    connect(node - 1, node, edge->transform, inverseOf(edge->information), length);
     nodes_[node - 1].next = nodes_[node - 1].links.back();
   }
   if (anchors_.empty() ||
@@ -285,7 +285,7 @@ Edge LoopFinder::accept(const Found& found) {
   connect(found.from, found.to, found.transform, covariance, kTieLength);
   last_tie_ = nodes_[found.to].travelled;
   ++counts_.loops;
-  Edge edge{nodes_[found.from].key, nodes_[found.to].key, found.transform, covariance.inverse()};
+  Edge edge{nodes_[found.from].key, nodes_[found.to].key, found.transform, inverseOf(covariance)};
   edge.type = EdgeType::kLoopClosure;
   edge.similarity = found.score;
   return edge;

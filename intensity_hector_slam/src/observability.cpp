@@ -92,12 +92,6 @@ Observability observe(const Scan& scan, const GridMap& map, const Pose& pose, do
   }
   const Eigen::SelfAdjointEigenSolver<Matrix3d> solver(information);
   Observability result;
-  if (!surface.empty()) {
-    const auto middle = surface.begin() + surface.size() / 2;
-    std::nth_element(surface.begin(), middle, surface.end(),
-                     [](const Known& a, const Known& b) { return a.piece.variance < b.piece.variance; });
-    result.variance = middle->piece.variance;
-  }
   result.share = all > 0.0 ? there / all : 0.0;
   for (int i = 0; i < 3; ++i) {
     const Vector3d v = solver.eigenvectors().col(i);

@@ -26,8 +26,7 @@ struct Observability {
   /// few normals tell.
   Eigen::Matrix3d uncertainty = Eigen::Matrix3d::Zero();
   bool full = true;
-  double variance = 0.0;  ///< m^2, of the points across the surfaces: the median
-  double share = 0.0;     ///< of the surfaces' points on those that the map has
+  double share = 0.0;  ///< of the surfaces' points on those that the map has
 };
 
 /// What a scan can tell at most depends on its surfaces alone, by Fisher's information (A. Censi, "On

@@ -27,6 +27,10 @@ constexpr double kNearShare = 0.8;
 constexpr double kAlike = 3.0;
 // Beams whose errors are alike, and about how many tell the curvature.
 constexpr std::size_t kPiece = 16, kCurvatureBeams = 128;
+// Cells: least standard deviation, as few pieces of a scan don't tell all directions.
+constexpr double kLeastError = 0.004;
+// Cells: of the map of a single scan, which noise of its points decides; the more scans, the less.
+constexpr double kFirstError = 0.1;
 // Fewer points than these tell no pose.
 constexpr std::size_t kLeastPoints = 30;
 
@@ -46,6 +50,37 @@ void leaveOutNew(const GridMap& map, const Scan& scan, const Pose& pose, double 
   }
 }
 
+// 0 to 1: how much of a scan's surfaces is along the lines of the grid. There, what cells make of exact
+// points is the same for all points of a surface; elsewhere it averages out, and so it does where noise blurs
+// the surface over a cell. Where points are in cells of the grid tells: the mean of exp(2 pi i (u - u')) over
+// pairs of pieces in a block of neighbouring ones, u in cells, with v as well.
+double alongGrid(const Beams& beams, const GridMap& map, const Pose& pose) {
+  using Eigen::Array4f;
+  using Phases = Eigen::Array4d;  // real and imaginary, of u and v
+  constexpr std::size_t kBlock = 16 * kPiece;
+  const float turn = static_cast<float>(2.0 * M_PI / map.resolution());
+  const float c = std::cos(pose.z()), s = std::sin(pose.z());
+  double products = 0.0, pairs = 0.0;
+  for (std::size_t block = 0; block < beams.count; block += kBlock) {
+    Phases sum = Phases::Zero(), squares = sum;
+    double pieces = 0.0;
+    for (std::size_t i = block; i < std::min(beams.count, block + kBlock); i += kPiece) {
+      const Eigen::Map<const Array4f> x(&beams.x[i]), y(&beams.y[i]), valid(&beams.valid[i]);
+      const Array4f u = turn * (c * x - s * y + static_cast<float>(pose.x()));
+      const Array4f v = turn * (s * x + c * y + static_cast<float>(pose.y()));
+      const Phases phases = Phases((valid * u.cos()).sum(), (valid * u.sin()).sum(), (valid * v.cos()).sum(),
+                                   (valid * v.sin()).sum()) /
+                            kLanes;
+      sum += phases;
+      squares += phases.square();
+      pieces += 1.0;
+    }
+    products += (sum.square() - squares).sum();
+    pairs += pieces * (pieces - 1.0);
+  }
+  return std::sqrt(std::clamp(products / std::max(1.0, pairs), 0.0, 1.0));
+}
+
 }  // namespace
 
 // The sum of what the residuals of both channels tell.
@@ -58,8 +93,7 @@ class ScanMatcher::Solver {
         reflectivity_(observability.reflectivity * unit_.asDiagonal()),
         gain_(gain),
         gradient_(gradient(at)) {
-    solver_.compute(occupancy_ * at.occupancy.hessian * occupancy_.transpose() +
-                    gain * reflectivity_ * at.reflectivity.hessian * reflectivity_.transpose());
+    solver_.compute(hessian(at));
     const Vector3d values = solver_.eigenvalues();
     observable_ = (values.array() >= std::max(kLeastInformation, kSingular * values.z())).count();
   }
@@ -86,6 +120,10 @@ class ScanMatcher::Solver {
   Vector3d gradient(const Linearization& at) const {
     return occupancy_ * at.occupancy.gradient + gain_ * reflectivity_ * at.reflectivity.gradient;
   }
+  Matrix3d hessian(const Linearization& at) const {
+    return occupancy_ * at.occupancy.hessian * occupancy_.transpose() +
+           gain_ * reflectivity_ * at.reflectivity.hessian * reflectivity_.transpose();
+  }
   /// C^-1 S C^-1 and the floor, but nowhere less certain than the prior. In no direction is C much less than
   /// H.
   /// @param scatter S, of gradient(), and curvature C
@@ -108,8 +146,9 @@ class ScanMatcher::Solver {
                              relative.eigenvalues().cwiseMax(kLeastCurvature).cwiseInverse().asDiagonal() *
                              whitened.transpose();
     sum += inverse * scatter * inverse;
-    sum = (sum.inverse() + Matrix3d(prior.cwiseInverse().asDiagonal())).inverse();
-    return unit_.asDiagonal() * (0.5 * (sum + sum.transpose())) * unit_.asDiagonal();
+    const Matrix3d p = prior.asDiagonal();
+    const Matrix3d k = p - p * (sum + p).llt().solve(p);  // (sum^-1 + p^-1)^-1
+    return unit_.asDiagonal() * (0.5 * (k + k.transpose())) * unit_.asDiagonal();
   }
 
  private:
@@ -277,8 +316,7 @@ Match ScanMatcher::matchPoints(const MultiMap& map, const Scan& scan, const Pose
   match.pose = {pose.x(), pose.y(), wrapAngle(pose.z())};
   match.residual = std::sqrt((at.occupancy.squares + gain * at.reflectivity.squares) /
                              std::max(1.0, at.occupancy.weights + at.reflectivity.weights));
-  match.covariance =
-      covarianceAt(match.pose, finest, cost, solver, gridError(finest.resolution(), observability.variance));
+  match.covariance = covarianceAt(match.pose, finest, map.updates(), cost, solver);
   const Vector3d unit(1.0, 1.0, 1.0 / beams_.mean_range);
   match.uncertainty =
       kAlike * match.covariance + options_.surface_noise * options_.surface_noise *
@@ -289,22 +327,14 @@ Match ScanMatcher::matchPoints(const MultiMap& map, const Scan& scan, const Pose
   return match;
 }
 
-// A map of cells of width w, of walls that noise of the variance s^2 blurs, is off by what is aliased: by
-// exp(-2 pi^2 s^2 / w^2), as that is the share of the blurred walls in the frequency 1 / w.
-double ScanMatcher::gridError(double width, double variance) const {
-  constexpr double kLeast = 0.04;  // few pieces of a scan don't tell all directions
-  return options_.covariance_floor * width *
-         std::max(kLeast, std::exp(-2.0 * M_PI * M_PI * variance / (width * width)));
-}
-
 // As of ICP (A. Censi, "An accurate closed-form estimate of ICP's covariance", ICRA 2007): the pose moves by
 // C^-1 times what the gradient changes by, C the curvature of the cost. H isn't it: H is what the map changes
 // within a cell, its noise as well. C is the difference of gradients half a cell apart on both sides. By how
 // much the gradient changes from scan to scan, the pieces of one scan tell, as their gradients add up to
 // nothing.
-Matrix3d ScanMatcher::covarianceAt(const Pose& pose, const GridMap& map, const Cost& cost,
-                                   const Solver& solver, double grid_error) {
-  Matrix3d scatter = Matrix3d::Zero(), curvature;
+Matrix3d ScanMatcher::covarianceAt(const Pose& pose, const GridMap& map, std::size_t updates,
+                                   const Cost& cost, const Solver& solver) {
+  Matrix3d scatter = Matrix3d::Zero();
   for (std::size_t begin = 0; begin < beams_.count; begin += kPiece) {
     const Vector3d gradient =
         solver.gradient(cost.linearize(map, beams_, pose, std::min(beams_.count, begin + kPiece), begin));
@@ -312,6 +342,7 @@ Matrix3d ScanMatcher::covarianceAt(const Pose& pose, const GridMap& map, const C
   }
   sparse_.assignSparse(beams_, kCurvatureBeams);
   const double step = 0.5 * map.resolution();
+  Matrix3d curvature;
   for (int i = 0; i < 3; ++i) {
     const Vector3d shift = (i < 2 ? step : step / beams_.mean_range) * Vector3d::Unit(i);
     const auto gradientAt = [&](const Pose& there) {
@@ -320,6 +351,9 @@ Matrix3d ScanMatcher::covarianceAt(const Pose& pose, const GridMap& map, const C
     curvature.col(i) = (gradientAt(pose - shift) - gradientAt(pose + shift)) / (2.0 * step);
   }
   curvature *= static_cast<double>(beams_.x.size()) / std::max<std::size_t>(1, sparse_.count);
+  const double grid_error =
+      map.resolution() * std::max({kLeastError, options_.covariance_floor * alongGrid(beams_, map, pose),
+                                   kFirstError / std::max<std::size_t>(1, updates)});
   const double d = options_.unobservable_distance, a = options_.unobservable_angle;
   return solver.covariance(options_.covariance_scale * scatter, curvature, grid_error * grid_error,
                            {d * d, d * d, a * a});

@@ -41,8 +41,7 @@ SurfacePiece fit(const Scan& scan, std::size_t begin, std::size_t end) {
   tangent = half > 0.0 ? tangent.normalized() : Eigen::Vector2d::UnitX();
   piece.centre = centre.cast<double>();
   piece.normal = {-tangent.y(), tangent.x()};
-  piece.variance = across / (n - 2.0);
-  piece.normal_variance = along > 0.0 ? piece.variance / along : 1.0;
+  piece.normal_variance = along > 0.0 ? across / ((n - 2.0) * along) : 1.0;
   return piece;
 }
 

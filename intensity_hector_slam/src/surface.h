@@ -14,7 +14,6 @@ struct SurfacePiece {
   std::size_t begin = 0, end = 0;  ///< of the scan's points
   Eigen::Vector2d centre;          ///< m, frame of the body
   Eigen::Vector2d normal;          ///< unit vector
-  double variance = 0.0;           ///< m^2, of the points across the line
   double normal_variance = 0.0;    ///< rad^2, of the normal's direction by the noise of the points
 };
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <gtest/gtest.h>
 
+#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <cmath>
 #include <vector>
@@ -85,6 +86,22 @@ TEST(KeyPoses, TheStartIsAsUnsureAsWhatIsMatchedToIt) {
   const Eigen::Matrix3d covariance = edge->information.inverse();
   EXPECT_NEAR(2.0 * 0.01, covariance(0, 0), 1e-9);
   EXPECT_NEAR(2.0 * 0.04 + 4.0 * 0.001, covariance(1, 1), 1e-9);
+}
+
+// By a metre along a wall, and by a tenth of a millimetre across it.
+TEST(KeyPoses, WhatIsKnownInOneDirectionAloneHasAnInformation) {
+  KeyPoses key_poses;
+  SlamResult result = at({0.4, 1.6, 0.9});
+  const Eigen::Matrix3d turn = turnBy(2.57);
+  result.covariance = turn * Eigen::Vector3d(1.0, 1e-8, 1e-8).asDiagonal() * turn.transpose();
+  key_poses.add(1.0, result);
+  result.pose = {2.4, 1.7, 0.4};
+  result.covariance = 1e-8 * Eigen::Matrix3d::Identity();
+  const auto edge = key_poses.add(2.0, result);
+  ASSERT_TRUE(edge);
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(edge->information);
+  EXPECT_NEAR(1.0, solver.eigenvalues()[0], 0.01);
+  EXPECT_GT(solver.eigenvalues()[1], 1e5);
 }
 
 TEST(KeyPoses, DriftGrowsWithTheWay) {

@@ -77,7 +77,7 @@ ScanMatch matchOneWay(const Session& session, const Graph& graph, std::int64_t f
   result.transform =
       planarPose(place.pose.x(), place.pose.y(), place.pose.z()) * sought.front().sensor.inverse();
   result.information.setZero();
-  const Eigen::Matrix3d information = slam::loopCovariance(place.covariance, loop).inverse();
+  const Eigen::Matrix3d information = slam::inverseOf(slam::loopCovariance(place.covariance, loop));
   // The covariance is of x, y in the map, the information of the error seen from the pose.
   Eigen::Matrix3d turned = Eigen::Matrix3d::Identity();
   turned.topLeftCorner<2, 2>() = Eigen::Rotation2Dd(place.pose.z()).toRotationMatrix();

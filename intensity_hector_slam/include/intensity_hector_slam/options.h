@@ -127,7 +127,7 @@ struct MatcherOptions {
 
   double surface_length = 0.6, surface_noise = 0.02;
   double min_observability = 0.002, min_texture = 10.0, min_geometry = 0.02;
-  double covariance_scale = 0.8, covariance_floor = 0.08;
+  double covariance_scale = 0.8, covariance_floor = 0.1;
   double unobservable_distance = 1.0, unobservable_angle = 0.5;
 
   void describe(mapping_common::OptionList& o) {
@@ -238,8 +238,8 @@ struct MatcherOptions {
       "factor on the covariance that follows from how unevenly the pieces of a scan pull at its pose")
         .within(0.001, 1e6);
     o("covariance_floor", covariance_floor, "cells",
-      "of the finest level: standard deviation by what the grid makes of exact points, at the scan's mean "
-      "range for the angle; noise of the points blurs it away")
+      "of the finest level: standard deviation by what the grid makes of surfaces along its lines, at the "
+      "scan's mean range for the angle; noise of the points blurs it away")
         .within(1e-4, 1000.0);
     o("unobservable_distance", unobservable_distance, "m",
       "standard deviation in a direction that isn't observable")

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <cmath>
@@ -33,6 +34,13 @@ inline Eigen::Matrix3d turnBy(double angle) {
   Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
   turn.topLeftCorner<2, 2>() = Eigen::Rotation2Dd(angle).toRotationMatrix();
   return turn;
+}
+
+/// Of a covariance or an information matrix. By cofactors, as Eigen's inverse() has it for 3 x 3, it isn't
+/// positive definite any more where standard deviations differ by a factor of 10^4, as along and across a
+/// single wall.
+inline Eigen::Matrix3d inverseOf(const Eigen::Matrix3d& positive_definite) {
+  return positive_definite.llt().solve(Eigen::Matrix3d::Identity());
 }
 
 /// S_i, Eq. 3.7: times a point.

@@ -84,9 +84,8 @@ class ScanMatcher {
   class Solver;
 
   Observability observe(const GridMap& map, const Scan& scan, const Pose& pose, const Cost& cost) const;
-  double gridError(double width, double variance) const;
-  Eigen::Matrix3d covarianceAt(const Pose& pose, const GridMap& map, const Cost& cost, const Solver& solver,
-                               double grid_error);
+  Eigen::Matrix3d covarianceAt(const Pose& pose, const GridMap& map, std::size_t updates, const Cost& cost,
+                               const Solver& solver);
   void thin(const MultiMap& map);
   Match matchPoints(const MultiMap& map, const Scan& scan, const Pose& guess, bool search, bool follows);
   /// Both move the pose, add to the iterations, and return the cost where the last step starts, on the
