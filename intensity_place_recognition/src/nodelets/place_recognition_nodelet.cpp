@@ -62,10 +62,6 @@ class PlaceRecognitionNodelet : public mapping_common::Nodelet {
 
   PlaceRecognitionParameters parameters_;
   std::unique_ptr<PlaceRecognizer> recognizer_;
-  struct Origin {
-    std::uint32_t cloud = 0;  // its number
-    ros::Time stamp;          // zero: a file brought it
-  };
   std::vector<Origin> origins_;  // of each place
   std::uint32_t scans_ = 0;      // places of a file count as one each
   ros::Time last_;
@@ -208,10 +204,7 @@ void PlaceRecognitionNodelet::publish(const Recognition& recognition, std::uint3
     text << "cloud " << from.cloud << " (" << from.stamp << " s)";
   text << ", score " << std::setprecision(2) << recognition.registration.score;
   NODELET_INFO_STREAM("Place " << accepted_ << ": " << text.str());
-  mapping_msgs::EdgeConstraint edge = toEdge(recognition, header, from.stamp);
-  edge.from_id = from.cloud;
-  edge.to_id = query;
-  places_.publish(edge);
+  places_.publish(toEdge(recognition.registration, from, query, header));
   if (pictures_.count(query) == 0 || pictures_.count(from.cloud) == 0) return;
   const Eigen::Matrix3d rotation = recognition.registration.pose.rotation();
   debug_images_.publish(cv_bridge::CvImage(header, "bgr8",

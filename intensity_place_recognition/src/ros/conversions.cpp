@@ -55,18 +55,18 @@ Cloud toCloud(const sensor_msgs::Image& intensity, const sensor_msgs::Image& ran
       options);
 }
 
-mapping_msgs::EdgeConstraint toEdge(const Recognition& recognition, const std_msgs::Header& to,
-                                    const ros::Time& from_stamp) {
+mapping_msgs::EdgeConstraint toEdge(const Registration& registration, const Origin& from, std::uint32_t to,
+                                    const std_msgs::Header& header) {
   mapping_msgs::EdgeConstraint edge;
-  edge.header = to;
-  edge.from_stamp = from_stamp;
-  edge.to_stamp = to.stamp;
-  edge.from_id = static_cast<std::uint32_t>(recognition.match);
-  edge.to_id = static_cast<std::uint32_t>(recognition.query);
-  edge.frame_id = to.frame_id;
+  edge.header = header;
+  edge.from_stamp = from.stamp;
+  edge.to_stamp = header.stamp;
+  edge.from_id = from.cloud;
+  edge.to_id = to;
+  edge.frame_id = header.frame_id;
   edge.type = mapping_msgs::EdgeConstraint::PLACE;
   edge.has_transform = true;
-  const Eigen::Isometry3d& pose = recognition.registration.pose;
+  const Eigen::Isometry3d& pose = registration.pose;
   const Eigen::Quaterniond q(pose.rotation());
   edge.transform.position.x = pose.translation().x();
   edge.transform.position.y = pose.translation().y();
@@ -75,10 +75,10 @@ mapping_msgs::EdgeConstraint toEdge(const Recognition& recognition, const std_ms
   edge.transform.orientation.y = q.y();
   edge.transform.orientation.z = q.z();
   edge.transform.orientation.w = q.w();
-  const Matrix6 information = informationAtQuery(recognition.registration);
+  const Matrix6 information = informationAtQuery(registration);
   for (int r = 0; r < 6; ++r)
     for (int c = 0; c < 6; ++c) edge.information[6 * r + c] = information(r, c);
-  edge.similarity = static_cast<float>(std::clamp(recognition.registration.score, 0.0, 1.0));
+  edge.similarity = static_cast<float>(std::clamp(registration.score, 0.0, 1.0));
   return edge;
 }
 

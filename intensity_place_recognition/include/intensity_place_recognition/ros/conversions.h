@@ -20,9 +20,14 @@ Cloud toCloud(const sensor_msgs::PointCloud2& message, const std::string& intens
 Cloud toCloud(const sensor_msgs::Image& intensity, const sensor_msgs::Image& range, double range_unit,
               const PanoramaOptions& options);
 
-/// @param to of the query's cloud, @param from_stamp of the match's; zero where it is of another run and
-/// unknown
-mapping_msgs::EdgeConstraint toEdge(const Recognition& recognition, const std_msgs::Header& to,
-                                    const ros::Time& from_stamp);
+/// The cloud that a place was described from.
+struct Origin {
+  std::uint32_t cloud = 0;  ///< its number, the id in edges
+  ros::Time stamp;          ///< zero where a file brought the place
+};
+
+/// @param to the number of the query's cloud, @param header of that cloud
+mapping_msgs::EdgeConstraint toEdge(const Registration& registration, const Origin& from, std::uint32_t to,
+                                    const std_msgs::Header& header);
 
 }  // namespace intensity_place_recognition
