@@ -176,12 +176,19 @@ void GridMap::applyMarks(const MapOptions& options) {
   const FreeCells free_cells(miss_odds, least);
   for (int y = 0; y < marks_.height; ++y) {
     const std::uint8_t* const row = &marks_.values[static_cast<std::size_t>(y) * marks_.width];
+    Tile* in = nullptr;  // that the last word was in
+    int begin = 0;       // its first column
     for (int x = 0; x < marks_.width; x += sizeof(Marks::Word)) {
       Marks::Word word;
       std::memcpy(&word, row + x, sizeof(word));
       if (word == 0) continue;
       const Eigen::Vector2i at = marks_.min + Eigen::Vector2i(x, y);
-      Tile& tile = tileFor(at.x(), at.y());
+      const int tile_begin = at.x() & ~(kTileSide - 1);
+      if (!in || tile_begin != begin) {
+        in = &tileFor(at.x(), at.y());
+        begin = tile_begin;
+      }
+      Tile& tile = *in;
       const std::size_t first = indexIn(at.x(), at.y());
       if (free_cells.clear(word, &tile.cells[first])) continue;
       for (std::size_t i = 0; i < sizeof(word); ++i) {

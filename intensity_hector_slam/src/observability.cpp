@@ -42,17 +42,14 @@ Overlap overlapOf(const GridMap& map, const Beams& beams, const Pose& pose) {
   const double cells = 1.0 / map.resolution();
   const float c = cells * std::cos(pose.z()), s = cells * std::sin(pose.z());
   const float u0 = cells * pose.x(), v0 = cells * pose.y();
-  const auto below = [](float value) {
-    const float at = std::clamp(value, -1e9f, 1e9f);
-    const int cut = static_cast<int>(at);
-    return cut - (at < static_cast<float>(cut));
-  };
   std::size_t occupied = 0, free = 0;
-  for (std::size_t i = 0; i < beams.count; ++i) {
-    const float u = c * beams.x[i] - s * beams.y[i] + u0, v = s * beams.x[i] + c * beams.y[i] + v0;
-    const GridMap::Cell& cell = map.cell(below(u), below(v));
-    occupied += GridMap::isOccupied(cell);
-    free += GridMap::isFree(cell);
+  for (std::size_t first = 0; first < beams.count; first += kLanes) {
+    const Eigen::Map<const Eigen::Array4f> x(&beams.x[first]), y(&beams.y[first]);
+    const auto cells = map.cellsAt(c * x - s * y + u0, s * x + c * y + v0);
+    for (std::size_t i = 0; i < std::min<std::size_t>(kLanes, beams.count - first); ++i) {
+      occupied += GridMap::isOccupied(*cells[i]);
+      free += GridMap::isFree(*cells[i]);
+    }
   }
   const double n = std::max<std::size_t>(1, beams.count);
   return {occupied / n, free / n};

@@ -3,6 +3,7 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <optional>
@@ -36,17 +37,29 @@ constexpr std::size_t kLeastPoints = 30;
 
 // The points on whose beams the map knows what is `margin` (m) before them.
 void leaveOutNew(const GridMap& map, const Scan& scan, const Pose& pose, double margin, Scan& known) {
-  known = {};
+  using Eigen::Array4f;
   known.stamp = scan.stamp;
   known.origin = scan.origin;
-  const Eigen::Isometry2d to_map = isometry(pose);
-  for (std::size_t i = 0; i < scan.points.size(); ++i) {
-    const Eigen::Vector2f beam = scan.points[i] - scan.origin;
-    const float before = std::max(0.0f, 1.0f - static_cast<float>(margin) / beam.norm());
-    const GridMap::Cell* const cell = map.find(to_map * (scan.origin + before * beam).cast<double>());
-    if (!cell || !GridMap::isKnown(*cell)) continue;
-    known.points.push_back(scan.points[i]);
-    if (!scan.reflectivities.empty()) known.reflectivities.push_back(scan.reflectivities[i]);
+  known.points.clear();
+  known.reflectivities.clear();
+  const double cells = 1.0 / map.resolution();
+  const float c = cells * std::cos(pose.z()), s = cells * std::sin(pose.z());
+  const float u0 = cells * pose.x(), v0 = cells * pose.y();
+  std::array<Eigen::Vector2f, kLanes> points;
+  for (std::size_t first = 0; first < scan.points.size(); first += kLanes) {
+    const std::size_t n = std::min<std::size_t>(kLanes, scan.points.size() - first);
+    std::fill(std::copy_n(&scan.points[first], n, points.begin()), points.end(), scan.origin);
+    const Eigen::Map<const Eigen::Array<float, 2, kLanes>> ends(points.front().data());
+    const Array4f dx = ends.row(0) - scan.origin.x(), dy = ends.row(1) - scan.origin.y();
+    const Array4f length = (dx.square() + dy.square()).sqrt();
+    const Array4f before = (1.0f - static_cast<float>(margin) / length.max(1e-6f)).max(0.0f);
+    const Array4f x = scan.origin.x() + before * dx, y = scan.origin.y() + before * dy;
+    const auto there = map.cellsAt(c * x - s * y + u0, s * x + c * y + v0);
+    for (std::size_t i = 0; i < n; ++i) {
+      if (!GridMap::isKnown(*there[i])) continue;
+      known.points.push_back(points[i]);
+      if (!scan.reflectivities.empty()) known.reflectivities.push_back(scan.reflectivities[first + i]);
+    }
   }
 }
 

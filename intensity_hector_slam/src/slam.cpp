@@ -307,16 +307,18 @@ void Slam::follow(const Scan& scan, bool unsure, SlamResult& result) {
 // the sweep to the stamp, and the places to which points were moved: by the mean of those, so is the pose.
 void Slam::addUncertainty(const Eigen::Vector3d& change, const Scan& scan, double middle,
                           SlamResult& result) const {
-  if (!options_.deskew || scan.times.empty()) return;
+  constexpr std::size_t kStride = 4;  // of the points that the mean is of
+  if (!options_.deskew || scan.points.empty() || scan.times.empty()) return;
   Eigen::Vector3d moved = Eigen::Vector3d::Zero();
   double squares = 0.0;
-  for (std::size_t i = 0; i < scan.points.size(); ++i) {
+  double n = 0.0;
+  for (std::size_t i = 0; i < scan.points.size(); i += kStride) {
     const Eigen::Vector2d point = scan.points[i].cast<double>(), across(-point.y(), point.x());
     const Eigen::Vector2d by = (scan.times[i] - middle) * (change.head<2>() + change.z() * across);
     moved += Eigen::Vector3d(by.x(), by.y(), across.dot(by));
     squares += point.squaredNorm();
+    n += 1.0;
   }
-  const double n = scan.points.size();
   moved = moved.cwiseQuotient(Eigen::Vector3d(n, n, std::max(squares, 1e-9)));
   for (const Eigen::Vector3d& difference : {Eigen::Vector3d(change * middle), moved}) {
     const Eigen::Vector3d in_map = kVelocityError * turnBy(result.pose.z()) * difference;

@@ -63,40 +63,25 @@ class GridMap {
   /// @param seams are filled and pointed to where the cells aren't in one tile
   Squares squares(const Eigen::Array4f& u, const Eigen::Array4f& v, Eigen::Array4f& fx, Eigen::Array4f& fy,
                   Seams& seams) const {
-    using Ints = int __attribute__((vector_size(16)));  // of Eigen few operations are vectorised
-    using Unsigned = unsigned __attribute__((vector_size(16)));
-    using Floats = float __attribute__((vector_size(16)));
-    // The next integer below, within the range of int.
-    const auto floor = [](const Eigen::Array4f& values, Eigen::Array4f& fraction) {
-      const Eigen::Array4f near = values.max(-kFarAway).min(kFarAway);
-      Floats at, left;
-      std::memcpy(&at, near.data(), sizeof(at));
-      Ints cells = __builtin_convertvector(at, Ints);
-      cells += at < __builtin_convertvector(cells, Floats);  // -1 where it is
-      left = at - __builtin_convertvector(cells, Floats);
-      std::memcpy(fraction.data(), &left, sizeof(left));
-      return cells;
-    };
     constexpr int kLast = kTileSide - 1;
-    const Ints x = floor(u, fx), y = floor(v, fy), in_x = x & kLast, in_y = y & kLast;
-    const Unsigned column = (Unsigned)(x >> kTileBits) - static_cast<unsigned>(first_tile_.x()),
-                   row = (Unsigned)(y >> kTileBits) - static_cast<unsigned>(first_tile_.y());
-    const Unsigned tile =
-        (Unsigned)((column < columns_) & (row < rows_)) & ((row << column_bits_) + column + 1U);
-    const Ints at = in_y << kTileBits | in_x, seam = (in_x == kLast) | (in_y == kLast);
+    const Ints x = floor(u, fx), y = floor(v, fy), seam = ((x & kLast) == kLast) | ((y & kLast) == kLast);
     std::array<std::uint64_t, 2> any_seam;
     std::memcpy(&any_seam, &seam, sizeof(seam));
+    const std::array<const Cell*, 4> lower = cells(x, y);
     Squares squares;
-    for (int i = 0; i < 4; ++i) {
-      const Cell* const lower = tiles_[tile[i]].get()->cells.data() + at[i];
-      squares[i] = {lower, lower + kTileSide};
-    }
+    for (int i = 0; i < 4; ++i) squares[i] = {lower[i], lower[i] + kTileSide};
     if ((any_seam[0] | any_seam[1]) != 0) {
       for (int i = 0; i < 4; ++i) {
         if (seam[i] != 0) squares[i] = square(x[i], y[i], seams[i]);
       }
     }
     return squares;
+  }
+  /// Those that four points are in; of points outside, one that was never observed.
+  /// @param u, v cells, (0, 0) is the corner of cell (0, 0)
+  std::array<const Cell*, 4> cellsAt(const Eigen::Array4f& u, const Eigen::Array4f& v) const {
+    Eigen::Array4f fx = u, fy = v;
+    return cells(floor(u, fx), floor(v, fy));
   }
   /// The cell that a point of the map frame (m) is in; what isn't finite or is very far away is in one that
   /// no map has.
@@ -201,6 +186,32 @@ class GridMap {
     return *tile.get();
   }
   Square square(int x, int y, std::array<Cell, 4>& seam) const;
+
+  using Ints = int __attribute__((vector_size(16)));  // of Eigen few operations are vectorised
+  using Unsigned = unsigned __attribute__((vector_size(16)));
+  using Floats = float __attribute__((vector_size(16)));
+  // The next integers below, within the range of int.
+  static Ints floor(const Eigen::Array4f& values, Eigen::Array4f& fraction) {
+    const Eigen::Array4f near = values.max(-kFarAway).min(kFarAway);
+    Floats at, left;
+    std::memcpy(&at, near.data(), sizeof(at));
+    Ints cells = __builtin_convertvector(at, Ints);
+    cells += at < __builtin_convertvector(cells, Floats);  // -1 where it is
+    left = at - __builtin_convertvector(cells, Floats);
+    std::memcpy(fraction.data(), &left, sizeof(left));
+    return cells;
+  }
+  std::array<const Cell*, 4> cells(const Ints& x, const Ints& y) const {
+    constexpr int kMask = kTileSide - 1;
+    const Unsigned column = (Unsigned)(x >> kTileBits) - static_cast<unsigned>(first_tile_.x()),
+                   row = (Unsigned)(y >> kTileBits) - static_cast<unsigned>(first_tile_.y());
+    const Unsigned tile =
+        (Unsigned)((column < columns_) & (row < rows_)) & ((row << column_bits_) + column + 1U);
+    const Ints at = (y & kMask) << kTileBits | (x & kMask);
+    std::array<const Cell*, 4> result;
+    for (int i = 0; i < 4; ++i) result[i] = tiles_[tile[i]].get()->cells.data() + at[i];
+    return result;
+  }
   Eigen::AlignedBox2i cellsOf(std::size_t tile) const;
 
   // What a scan does to cells, of which the strongest counts: in a box around it, small enough for the cache.
