@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <cmath>
 #include <string>
@@ -338,6 +339,27 @@ TEST(ScanMatcher, AutoTrustsReflectivityWhereItIsKnownAndDense) {
   Scanner sparse = noisy();
   sparse.beams = 91;
   EXPECT_EQ("occupancy", matcher.match(map, look(walls, Pose::Zero(), sparse, 3), Pose::Zero()).cost);
+}
+
+// What isn't known along a corridor leaves what is known across it as it is.
+TEST(ScanMatcher, CovarianceIsPositiveDefiniteWhereADirectionIsUnobservable) {
+  std::vector<Wall> walls = corridor(false);
+  for (Wall& wall : walls) {
+    for (Eigen::Vector2d* end : {&wall.from, &wall.to}) *end = Eigen::Rotation2Dd(0.57) * *end;
+  }
+  const Scanner scanner = shortSighted(1081, 0.005);
+  const MultiMap map = mapOf(walls, scanner, 150, 0.3);
+  MatcherOptions options = optionsOf("occupancy");
+  options.unobservable_distance = 100.0;
+  for (unsigned seed = 1; seed <= 20; ++seed) {
+    const Pose truth(0.2 * std::sin(seed), 0.2 * std::sin(2.3 * seed), 1.5 * std::sin(seed));
+    const Match match = ScanMatcher(options).match(map, look(walls, truth, scanner, seed), truth);
+    EXPECT_EQ(2, match.observable);
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(match.covariance);
+    EXPECT_GT(solver.eigenvalues()[0], 1e-9) << seed;
+    EXPECT_LT(solver.eigenvalues()[1], 1e-5) << seed;
+    EXPECT_NEAR(1e4, solver.eigenvalues()[2], 100.0) << seed;
+  }
 }
 
 TEST(ScanMatcher, AnUnknownMapTellsNothing) {

@@ -36,9 +36,9 @@ inline Eigen::Matrix3d turnBy(double angle) {
   return turn;
 }
 
-/// Of a covariance or an information matrix. By cofactors, as Eigen's inverse() has it for 3 x 3, it isn't
-/// positive definite any more where standard deviations differ by a factor of 10^4, as along and across a
-/// single wall.
+/// Of a covariance or an information matrix, by Cholesky's decomposition: Eigen's inverse() takes cofactors
+/// for 3 x 3, which lose twice as many digits where standard deviations differ much, as along and across a
+/// wall.
 inline Eigen::Matrix3d inverseOf(const Eigen::Matrix3d& positive_definite) {
   return positive_definite.llt().solve(Eigen::Matrix3d::Identity());
 }
