@@ -51,8 +51,8 @@ class ArrivalsTest : public ::testing::Test {
     transform.transform.translation.x = x;
     transform.transform.rotation.w = 1.0;
     tf_.publish(message);
-    EXPECT_TRUE(waitFor(
-        [&] { return arrivals_->queue().buffer().canTransform(parent, child, ros::Time(stamp)); }, 2.0));
+    EXPECT_TRUE(
+        waitFor([&] { return arrivals_->queue().buffer().canTransform(parent, child, ros::Time(stamp)); }));
   }
   std::string drops() { return arrivals_->drops().text(); }
 
