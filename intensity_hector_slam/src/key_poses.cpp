@@ -63,20 +63,22 @@ KeyPoses::KeyPoses(double distance, double angle, const Drift& drift)
 }
 
 // What the match moves the guess by, if that is more than both poses' errors and what odometry may drift by.
-void KeyPoses::noteJump(const SlamResult& result) {
+void KeyPoses::noteJump(const SlamResult& result, const Eigen::Matrix3d& previous_covariance) {
   if (!previous_ || !result.guess_is_odometry) return;
   const Pose step = between(previous_->pose, result.pose);
   Pose innovation = result.pose - result.guess;
   innovation.z() = std::remainder(innovation.z(), 2.0 * M_PI);
   const Eigen::Matrix3d covariance =
-      2.0 * result.covariance + driftOf(step.head<2>().norm(), std::abs(step.z()));
-  if (innovation.dot(covariance.ldlt().solve(innovation)) > kJump)
-    jumps_ += innovation * innovation.transpose();
+      previous_covariance + result.covariance + driftOf(step.head<2>().norm(), std::abs(step.z()));
+  if (innovation.dot(covariance.ldlt().solve(innovation)) > kJump) jump_ += innovation;
 }
 
 std::optional<Edge> KeyPoses::add(double stamp, const SlamResult& result) {
   if (result.status == Status::kRejected || result.status == Status::kEmpty) return {};
-  noteJump(result);
+  // The pose that the map starts at is exact, but the map isn't: of one scan, it is off as a match is.
+  for (Eigen::Matrix3d* covariance : {&previous_covariance_, &last_covariance_})
+    if (covariance->isZero(0.0)) *covariance = result.covariance;
+  noteJump(result, std::exchange(previous_covariance_, result.covariance));
   const std::optional<KeyPose> previous = std::exchange(previous_, KeyPose{next_id_, stamp, result.pose});
   std::optional<Edge> edge;
   if (last_) {
@@ -90,18 +92,16 @@ std::optional<Edge> KeyPoses::add(double stamp, const SlamResult& result) {
             ? std::abs(between(previous->pose, result.pose).z()) / (stamp - previous->stamp)
             : 0.0;
     if (turn_rate > kQuickTurn && isWithin(kLongestDistance, kLongestTurn)) return {};
-    // The pose that the map starts at is exact, but the map isn't: of one scan, it is off as a match is.
-    if (last_covariance_.isZero(0.0)) last_covariance_ = result.covariance;
     // Both poses were matched against the map, each with an error of its own.
     Eigen::Matrix3d covariance =
         covarianceBetween(last_->pose, last_covariance_, result.pose, result.covariance);
-    covariance +=
-        driftOf(transform.head<2>().norm(), std::abs(transform.z())) + turned(jumps_, -last_->pose.z());
+    covariance += driftOf(transform.head<2>().norm(), std::abs(transform.z())) +
+                  turned(jump_ * jump_.transpose(), -last_->pose.z());
     edge = Edge{*last_, {next_id_, stamp, result.pose}, transform, inverseOf(covariance)};
   }
   last_ = KeyPose{next_id_++, stamp, result.pose};
   last_covariance_ = result.covariance;
-  jumps_.setZero();
+  jump_.setZero();
   return edge;
 }
 
@@ -109,8 +109,9 @@ void KeyPoses::correct(const Pose& correction) {
   if (previous_) previous_->pose = compose(correction, previous_->pose);
   if (!last_) return;
   last_->pose = compose(correction, last_->pose);
-  for (Eigen::Matrix3d* covariance : {&last_covariance_, &jumps_})
+  for (Eigen::Matrix3d* covariance : {&previous_covariance_, &last_covariance_})
     *covariance = turned(*covariance, correction.z());
+  jump_.head<2>() = Eigen::Rotation2Dd(correction.z()) * jump_.head<2>();
 }
 
 }  // namespace intensity_hector_slam

@@ -19,6 +19,7 @@ constexpr double kSigmas = 3.0;          // of a region that is searched
 constexpr double kTurnLength = 0.5;      // m for each rad
 constexpr double kTieLength = 0.5;       // m, of a loop
 constexpr double kSpacing = 0.04;        // m, between points that are kept
+constexpr double kJump = 2.0;            // times LoopOptions::sigma_distance: an edge less sure is one
 constexpr std::size_t kSubmaps = 8;      // that are kept
 constexpr std::size_t kSearches = 4;     // for each key pose, at most
 constexpr double kSpare = 0.3;           // m, of a region beyond its uncertainty
@@ -102,6 +103,10 @@ std::vector<Edge> LoopFinder::add(const KeyPose& key, const Scan& scan, const st
   forgetBeyondMemory();
 
   std::vector<Edge> loops;
+  // Behind a jump of the pose, the way from the last loop tells little.
+  if (edge && inverseOf(edge->information).topLeftCorner<2, 2>().trace() >
+                  std::pow(kJump * options_.sigma_distance, 2))
+    last_tie_.reset();
   if (!search_it || (last_tie_ && nodes_[node].travelled - *last_tie_ < options_.spacing)) return loops;
   const std::vector<Relative> seen = reachFrom(node);
   std::optional<Found> found = search(node, seen);
@@ -155,7 +160,7 @@ std::vector<std::size_t> LoopFinder::anchorsNear(std::size_t node, const std::ve
     const Relative& there = seen[anchor];
     if (anchor < first_kept_ || !there.known) continue;
     if (nodes_[node].travelled - nodes_[anchor].travelled < options_.min_travel ||
-        there.length < options_.spacing)
+        (last_tie_ && there.length < options_.spacing))
       continue;
     const double deviation = std::sqrt(there.covariance.topLeftCorner<2, 2>().trace());
     const double uncertain = std::min(options_.max_distance, kSigmas * deviation);

@@ -136,7 +136,7 @@ TEST(KeyPoses, EdgesAreNotOfAJump) {
 
 // The body went straight on by odometry, and the match moved it aside: the edge may be of either.
 TEST(KeyPoses, AnEdgeIsAsUnsureAsAJump) {
-  const auto sigmas = [](bool odometry, double aside) {
+  const auto sigmas = [](bool odometry, double aside, double back = 0.0) {
     KeyPoses key_poses(0.45, 0.5);
     std::vector<Eigen::Vector3d> result;
     Pose pose(0.0, 0.0, M_PI / 2.0);
@@ -146,6 +146,7 @@ TEST(KeyPoses, AnEdgeIsAsUnsureAsAJump) {
       step.guess = pose;
       step.guess_is_odometry = odometry;
       if (i == 3) step.pose.x() = pose.x() -= aside;
+      if (i == 4) step.pose.x() = pose.x() += back;
       if (const auto edge = key_poses.add(0.1 * i, step))
         result.push_back(edge->information.inverse().diagonal().cwiseSqrt());
       pose.y() += 0.1;
@@ -155,9 +156,10 @@ TEST(KeyPoses, AnEdgeIsAsUnsureAsAJump) {
   };
   EXPECT_NEAR(std::hypot(0.07, 0.0142), sigmas(true, 0.07)[0].y(), 5e-4);
   EXPECT_LT(sigmas(true, 0.07)[0].x(), 0.015);
-  EXPECT_LT(sigmas(true, 0.07)[1].y(), 0.015);   // the next is sure again
-  EXPECT_LT(sigmas(true, 0.02)[0].y(), 0.015);   // within the errors of both matches
-  EXPECT_LT(sigmas(false, 0.07)[0].y(), 0.015);  // the guess knows nothing of the way
+  EXPECT_LT(sigmas(true, 0.07)[1].y(), 0.015);        // the next is sure again
+  EXPECT_LT(sigmas(true, 0.02)[0].y(), 0.015);        // within the errors of both matches
+  EXPECT_LT(sigmas(false, 0.07)[0].y(), 0.015);       // the guess knows nothing of the way
+  EXPECT_LT(sigmas(true, 0.07, 0.07)[0].y(), 0.015);  // a scan between the key poses alone was off
 }
 
 TEST(KeyPoses, SayWhatIsWrong) {

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/LU>
+#include <algorithm>
 #include <random>
 
 #include "flat_world.h"
@@ -57,14 +58,15 @@ Scanner scanner() {
 
 const Drift kDrift = {0.02, 0.004, 0.02};
 
-// Key poses with edges that drift, as a front end without loops would make them.
+// Key poses with edges that drift, as a front end without loops would make them. The one to `jump` is off by
+// 8 cm, and says so.
 struct Drive {
   std::vector<Edge> loops;
   std::vector<Pose> truth;
   LoopFinder::Counts counts;
 };
 Drive driveThrough(const std::vector<Wall>& walls, const std::vector<Pose>& way, const std::string& cost,
-                   unsigned seed, const LoopOptions& options = {}) {
+                   unsigned seed, const LoopOptions& options = {}, std::size_t jump = 0) {
   SlamOptions slam;
   slam.matcher.cost = cost;
   LoopFinder finder(options, slam);
@@ -78,11 +80,15 @@ Drive driveThrough(const std::vector<Wall>& walls, const std::vector<Pose>& way,
     if (i > 0) {
       const double root = std::sqrt(0.5);
       const Pose truth = between(way[i - 1], way[i]);
-      const Pose error = root * Pose(kDrift.distance * normal(random), kDrift.distance * normal(random),
-                                     kDrift.angle * normal(random));
+      Pose error = root * Pose(kDrift.distance * normal(random), kDrift.distance * normal(random),
+                               kDrift.angle * normal(random));
       Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
       covariance.diagonal() << 0.5 * std::pow(kDrift.distance, 2), 0.5 * std::pow(kDrift.distance, 2),
           0.5 * std::pow(kDrift.angle, 2);
+      if (i == jump) {
+        error.y() += 0.08;
+        covariance(1, 1) += 0.08 * 0.08;
+      }
       edge = Edge{last, key, truth + error, covariance.inverse()};
     }
     for (const Edge& loop : finder.add(key, look(walls, way[i], scanner(), 100 * seed + i), edge))
@@ -119,6 +125,21 @@ TEST(LoopFinder, ClosesTheLoop) {
       EXPECT_LT(error.dot(loop.information * error), 30.0) << cost;  // of a chi squared with 3 degrees
     }
   }
+}
+
+TEST(LoopFinder, TiesAPoseBehindAJumpAtOnce) {
+  const auto loopsTo = [](std::size_t jump) {
+    std::vector<std::size_t> ids;
+    for (const Edge& loop : driveThrough(furnishedRing(), wayAround(70.0), "combined", 1, {}, jump).loops)
+      ids.push_back(loop.to.id);
+    return ids;
+  };
+  const std::vector<std::size_t> without = loopsTo(0);
+  ASSERT_GE(without.size(), 2u);
+  const std::size_t next = without[1] + 1;
+  EXPECT_EQ(0, std::count(without.begin(), without.end(), next)) << "loops are loop_spacing apart";
+  const std::vector<std::size_t> with = loopsTo(next);
+  EXPECT_EQ(1, std::count(with.begin(), with.end(), next));
 }
 
 // Nothing along a corridor without any texture tells where in it the robot is.

@@ -61,21 +61,22 @@ class KeyPoses {
   void breakChain() {
     last_.reset();
     previous_.reset();
-    jumps_.setZero();
+    jump_.setZero();
   }
   /// The poses to come are in another map, which `correction` moves the last one to.
   void correct(const Pose& correction);
 
  private:
   Eigen::Matrix3d driftOf(double way, double turn) const;
-  void noteJump(const SlamResult& result);
+  void noteJump(const SlamResult& result, const Eigen::Matrix3d& previous_covariance);
 
   double distance_, angle_;
   Drift drift_;
   std::uint32_t next_id_ = 0;
   std::optional<KeyPose> last_, previous_;  // the latter: of whatever pose came before
-  Eigen::Matrix3d last_covariance_ = Eigen::Matrix3d::Zero();
-  Eigen::Matrix3d jumps_ = Eigen::Matrix3d::Zero();  // of the poses since `last_`, as a covariance, map frame
+  Eigen::Matrix3d last_covariance_ = Eigen::Matrix3d::Zero(), previous_covariance_ = last_covariance_;
+  Eigen::Vector3d jump_ =
+      Eigen::Vector3d::Zero();  // of the poses since `last_`, map frame: one that comes back is none
 };
 
 }  // namespace intensity_hector_slam
