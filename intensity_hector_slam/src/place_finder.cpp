@@ -139,7 +139,7 @@ Place PlaceFinder::find(const MultiMap& map, const Scan& scan, const SearchRegio
     why << "the scan doesn't tell the whole pose";
   } else {
     // Once more without what the map doesn't know, which walls that end there draw to themselves.
-    const Match known = matcher_.match(map, scan, best->pose, false, true);
+    const Match known = matcher_.match(map, scan, best->pose, false, FirstGuess::kSure);
     if (known.observable < 3 || !isNear(known.pose, best->pose, kReachDistance, kReachAngle))
       why << "what the map knows of the scan doesn't tell the whole pose";
     place.pose = known.pose;

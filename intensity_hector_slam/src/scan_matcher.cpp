@@ -275,17 +275,18 @@ void ScanMatcher::thin(const MultiMap& map) {
 }
 
 Match ScanMatcher::match(const MultiMap& map, const Scan& scan, const Pose& guess, bool search,
-                         bool follows) {
-  if (follows && options_.new_margin > 0.0) {
+                         FirstGuess is) {
+  const bool near = is != FirstGuess::kFar;
+  if (is == FirstGuess::kSure && options_.new_margin > 0.0) {
     leaveOutNew(map.level(std::min(1, map.levels() - 1)), scan, guess, options_.new_margin, seen_before_);
     if (seen_before_.points.size() >= kLeastPoints)
-      return matchPoints(map, seen_before_, guess, search, follows);
+      return matchPoints(map, seen_before_, guess, search, near);
   }
-  return matchPoints(map, scan, guess, search, follows);
+  return matchPoints(map, scan, guess, search, near);
 }
 
 Match ScanMatcher::matchPoints(const MultiMap& map, const Scan& scan, const Pose& guess, bool search,
-                               bool follows) {
+                               bool near) {
   const GridMap& finest = map.level(0);
   beams_.assign(scan);
   const GridMap& coarsest = map.level(map.levels() - 1);
@@ -295,30 +296,30 @@ Match ScanMatcher::matchPoints(const MultiMap& map, const Scan& scan, const Pose
   match.searched = search;
   const Pose start = search ? cost.search(coarsest, beams_, guess) : guess;
   Pose pose = start;
-  Observability observability = observe(follows ? finest : coarsest, scan, start, cost);
+  Observability observability = observe(near ? finest : coarsest, scan, start, cost);
   if (!observability.full && observability.share < kSureShare) {
     thin(map);
     descend(map, cost, thinned_, options_.coarse_points, {}, pose, match.iterations);
-    observability = observe(follows ? finest : coarsest, scan, pose, cost);
+    observability = observe(near ? finest : coarsest, scan, pose, cost);
     const Vector3d unit(1.0, 1.0, 1.0 / beams_.mean_range);
     pose = start + unit.asDiagonal() * (observability.occupancy * (pose - start).cwiseQuotient(unit));
   }
   // Where reflectivity alone tells, each beam counts.
   const bool all = observability.reflectivity != observability.occupancy;
-  std::optional<Linearization> near;
-  if (follows && !search && observability.full && observability.share >= kNearShare) {
+  std::optional<Linearization> fine;
+  if (near && !search && observability.full && observability.share >= kNearShare) {
     Pose there = pose;
-    near = optimize(finest, cost, beams_, beams_.count, observability, options_.min_step_distance,
+    fine = optimize(finest, cost, beams_, beams_.count, observability, options_.min_step_distance,
                     options_.min_step_angle, there, match.iterations);
     if ((there - start).head<2>().norm() < options_.near_distance) {
       pose = there;
     } else {
-      near.reset();
+      fine.reset();
     }
   }
-  if (!near && !all) thin(map);
+  if (!fine && !all) thin(map);
   const Linearization at =
-      near ? *near
+      fine ? *fine
            : descend(map, cost, all ? beams_ : thinned_, all ? beams_.count : options_.coarse_points,
                      observability, pose, match.iterations);
   const double gain = at.gain();

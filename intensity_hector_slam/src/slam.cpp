@@ -230,6 +230,7 @@ void Slam::predict(const Scan& scan, const std::optional<Pose>& odometry, SlamRe
     velocity_known_ = false;
   }
 
+  soon_ = follows && elapsed < options_.matcher.search_gap;
   steady_ = options_.guess != Guess::kLastPose &&
             !(options_.guess == Guess::kOdometry && odometry && last_odometry_);
   const Pose steady = follows && elapsed > 0.0 ? Pose(velocity_ * elapsed) : Pose::Zero();
@@ -364,7 +365,7 @@ void Slam::place(const Scan& scan, double middle, bool unsure, SlamResult& resul
       return;
     }
   } else {
-    result.match = match(scan, result.guess, unsure);
+    result.match = match(scan, unsure, result);
     bool accepted = accepts(result.match, result.guess);
     for (const Pose& other : other_guesses_) {
       if (accepted) break;
@@ -385,11 +386,14 @@ void Slam::place(const Scan& scan, double middle, bool unsure, SlamResult& resul
   updateMap(scan, result);
 }
 
-Match Slam::match(const Scan& scan, const Pose& guess, bool unsure) {
+Match Slam::match(const Scan& scan, bool unsure, const SlamResult& result) {
   const Search search = options_.matcher.search;
+  const Pose& guess = result.guess;
   const bool at_once = search == Search::kAlways || (search == Search::kWhenUnsure && unsure);
-  const bool follows = steady_ && filtered_ && velocity_known_;
-  const Match match = matcher_.match(map_, scan, guess, at_once, follows);
+  FirstGuess is = FirstGuess::kFar;
+  if (steady_ && filtered_ && velocity_known_) is = FirstGuess::kSure;
+  if (result.guess_is_odometry && soon_) is = FirstGuess::kNear;
+  const Match match = matcher_.match(map_, scan, guess, at_once, is);
   if (at_once || search == Search::kNever) return match;
   const bool accepted = accepts(match, guess);
   const bool contradicts = match.contradiction > options_.matcher.search_contradiction;

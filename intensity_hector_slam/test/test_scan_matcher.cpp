@@ -79,18 +79,18 @@ TEST(ScanMatcher, TheOtherSideOfAWallIsntMatchedToTheFirst) {
     const Pose pose(0.1 * std::sin(0.7 * i), 1.2 - 0.05 * i, 0.3 * i);
     map.update(look(walls, pose, scanner, 100 + i), pose);
   }
-  const auto error = [&](bool follows) {
+  const auto error = [&](FirstGuess is) {
     double sum = 0.0;
     for (int seed = 0; seed < 10; ++seed) {
       const Pose truth(-0.1, -0.25, 0.3 * seed);
       ScanMatcher matcher(optionsOf("occupancy"));
-      const Match match = matcher.match(map, look(walls, truth, scanner, seed), truth, false, follows);
+      const Match match = matcher.match(map, look(walls, truth, scanner, seed), truth, false, is);
       sum += std::abs(match.pose.y() - truth.y());
     }
     return sum / 10.0;
   };
-  EXPECT_LT(error(true), 0.03);
-  EXPECT_GT(error(false), 2.0 * error(true))
+  EXPECT_LT(error(FirstGuess::kSure), 0.03);
+  EXPECT_GT(error(FirstGuess::kFar), 2.0 * error(FirstGuess::kSure))
       << "the test is of a wall that isn't mistaken for its other side";
 }
 

@@ -72,6 +72,24 @@ TEST_P(EachCost, FollowsARound) {
   EXPECT_LT(turnOf(slam.pose(), 16.0 - kPeriod), 0.01);
 }
 
+TEST_P(EachCost, MatchesScansNearTheirGuessOnTheFinestLevelAlone) {
+  const auto iterations = [this](double near_distance, double period) {
+    SlamOptions near = options();
+    near.matcher.near_distance = near_distance;
+    Slam slam(near);
+    int sum = 0;
+    for (int i = 0; i < 60; ++i) {
+      const SlamResult result =
+          slam.process(scanAt(period * i), compose(Pose(3.0, 1.0, 2.0), truthAt(period * i)));
+      sum += result.match.iterations;
+      EXPECT_LT(errorOf(result.pose, period * i), 0.03);
+    }
+    return sum;
+  };
+  EXPECT_LT(iterations(0.05, kPeriod), 0.6 * iterations(0.0, kPeriod));
+  EXPECT_EQ(iterations(0.05, 0.2), iterations(0.0, 0.2)) << "odometry drifts over search_gap";
+}
+
 TEST_P(EachCost, FollowsARoundAtALowRate) {
   Slam slam(options());
   double greatest = 0.0;

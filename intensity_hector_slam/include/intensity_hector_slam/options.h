@@ -197,16 +197,13 @@ struct MatcherOptions {
     o("search_points", search_points, "", "of the scan, evenly spread: more take more time").within(1, 1e6);
 
     o("near_distance", near_distance, "m",
-      "without odometry, a scan soon after another that fits to the map at the first guess is matched on the "
-      "finest "
+      "a scan within search_gap of the last that fits to the map at the first guess is matched on the finest "
       "level alone, if that moves the guess by less: on coarser ones a wall's other side is the wall. 0: "
-      "coarse to "
-      "fine, always")
+      "coarse to fine, always")
         .atLeast(0.0);
     o("new_margin", new_margin, "m",
-      "the same scans: points so far behind what the map knows on their beams have just come into view, "
-      "aren't in the "
-      "map, and aren't matched. 0: all are")
+      "the same scans, without odometry: points so far behind what the map knows on their beams have just "
+      "come into view, aren't in the map, and aren't matched. 0: all are")
         .atLeast(0.0);
 
     o.section("what isn't known");

@@ -62,6 +62,14 @@ struct Match {
   double score() const { return overlap - contradiction; }
 };
 
+/// How near the pose a first guess is.
+enum class FirstGuess {
+  kFar,   ///< nobody knows
+  kNear,  ///< of odometry from just before: MatcherOptions::near_distance holds
+  kSure,  ///< of a known velocity, or a match: new_margin holds, too, as what is behind the map's walls is
+          ///< new
+};
+
 /// Finds the pose from which a scan fits to a map: Gauss-Newton (Eq. 3.9) on one level after the other,
 /// coarse to fine.
 class ScanMatcher {
@@ -72,10 +80,8 @@ class ScanMatcher {
 
   /// @param guess first guess, map frame
   /// @param search whether to search the window around the guess before
-  /// @param follows the guess is that of a body whose velocity is known from scans just before: see
-  ///                MatcherOptions::near_distance, new_margin
   Match match(const MultiMap& map, const Scan& scan, const Pose& guess, bool search = false,
-              bool follows = false);
+              FirstGuess is = FirstGuess::kFar);
 
   /// The cost of the options at a pose.
   Linearization linearize(const GridMap& map, const Scan& scan, const Pose& pose);
@@ -87,7 +93,7 @@ class ScanMatcher {
   Eigen::Matrix3d covarianceAt(const Pose& pose, const GridMap& map, std::size_t updates, const Cost& cost,
                                const Solver& solver);
   void thin(const MultiMap& map);
-  Match matchPoints(const MultiMap& map, const Scan& scan, const Pose& guess, bool search, bool follows);
+  Match matchPoints(const MultiMap& map, const Scan& scan, const Pose& guess, bool search, bool near);
   /// Both move the pose, add to the iterations, and return the cost where the last step starts, on the
   /// finest level.
   /// @param coarse what all other levels use: the level k the first 1 / 2^k of it, but no fewer than `least`

@@ -132,7 +132,7 @@ class Slam {
   double deskew(const Scan& scan);
   Scan moved(const Scan& scan, double time) const;
   void place(const Scan& scan, double middle, bool unsure, SlamResult& result);
-  Match match(const Scan& scan, const Pose& guess, bool unsure);
+  Match match(const Scan& scan, bool unsure, const SlamResult& result);
   bool accepts(const Match& match, const Pose& guess) const;
   Eigen::Matrix3d unknownCovariance() const;
   bool hasMoved(const std::optional<Pose>& from, const Pose& to) const;
@@ -160,6 +160,7 @@ class Slam {
   // Without odometry: of a body on wheels, and of one that is carried. The one that tells the poses better is
   // believed.
   std::array<MotionFilter, 2> filters_ = {MotionFilter(true), MotionFilter(false)};
+  bool soon_ = false;      // the scan comes within MatcherOptions::search_gap of the last
   bool steady_ = false;    // the first guess is that of a body with a steady velocity
   bool filtered_ = false;  // the last pose and velocity are the filters'
   std::optional<double> last_stamp_;
