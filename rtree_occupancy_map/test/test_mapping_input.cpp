@@ -105,8 +105,8 @@ TEST_F(MappingInput, TheGroundOnlyClears) {
   setParam("base_frame_id", frame("base"));
   ASSERT_TRUE(load());
   const auto sensor = poseOf(1, 2, 2.5), base = poseOf(1, 2, 1.0);
+  sendStaticPose("base", base);  // first, as a cloud waits for its sensor's alone
   sendStaticPose("sensor", sensor);
-  sendStaticPose("base", base);
   std::vector<Eigen::Vector3f> points;
   for (int i = 0; i < 2000; ++i) {  // the ground of the base is 1.5 m below the sensor
     const float angle = 0.01F * static_cast<float>(i), range = 2.0F + 0.003F * static_cast<float>(i);
