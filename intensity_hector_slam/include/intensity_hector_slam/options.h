@@ -309,7 +309,9 @@ struct LoopOptions {
       "travelled between the key poses of a loop; turns count half a metre for each rad. No less than "
       "loop_submap_length")
         .within(0.1, 1e6);
-    o("loop_spacing", spacing, "m", "travelled from a loop to the next").within(0.0, 1e6);
+    o("loop_spacing", spacing, "m",
+      "travelled from a loop to the next; behind a jump of the pose one is sought at once")
+        .within(0.0, 1e6);
     o("loop_submap_length", submap_length, "m",
       "travelled by the key scans that make the map in which a scan is sought")
         .within(0.1, 1000.0);

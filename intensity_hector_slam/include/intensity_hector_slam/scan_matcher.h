@@ -80,6 +80,7 @@ class ScanMatcher {
 
   /// @param guess first guess, map frame
   /// @param search whether to search the window around the guess before
+  /// @param is how near it is
   Match match(const MultiMap& map, const Scan& scan, const Pose& guess, bool search = false,
               FirstGuess is = FirstGuess::kFar);
 
